@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 import torch
 
-from frida_painter.brush.bezier import BezierStroke, RibbonShape
 from frida_painter.brush.kinds import BrushKind, StrokeModel
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.frames import MapFrame
 from frida_painter.stroke_family import StrokeFamily, spline_matrix
 from frida_painter.strokes import StrokeLimits
+from frida_painter.teaching.bezier import BezierStroke, RibbonShape
 
 SMALL = BrushKind("small", StrokeLimits((0.010, 0.030), (-0.008, 0.008)), 0.008)
 

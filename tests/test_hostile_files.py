@@ -14,7 +14,6 @@ import pytest
 import torch
 
 from frida_painter import event_log, images, storage
-from frida_painter.brush.teaching import read_marks
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
 from frida_painter.errors import FridaError, StorageError
@@ -53,6 +52,7 @@ from frida_painter.session.events import (
 )  # fmt: skip
 from frida_painter.session.journal import FORMAT, VERSION
 from frida_painter.session.opening import load_record
+from frida_painter.teaching.marks import read_marks
 from support.plans import made_up_plan
 
 HOSTILE = (None, True, -1, 2**62, 1e300, "", "\0", "\ud800", "a" * 5000, [], {}, [None], {"a": 1}, [[1.0]])

@@ -18,8 +18,7 @@ from annotated_types import Ge, Le, MaxLen
 
 import frida_painter
 from frida_painter import registry, weights
-from frida_painter.brush.families import FamilyPart
-from frida_painter.brush.kinds import BrushModel
+from frida_painter.brush.kinds import BrushModel, FamilyPart
 from frida_painter.cli.commands import all_commands
 from frida_painter.easel.kinds import EaselKind
 from frida_painter.exporter import ExporterKind

@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frida_painter import tensor_file
-from frida_painter.brush.evaluation import likelihood
-from frida_painter.brush.field import FORMAT, StrokeField, train_field
+from frida_painter.brush.field import FORMAT, StrokeField, write_model
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread, median_of, spread_of
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.table import StrokeTable, TableDetail
-from frida_painter.brush.training import write_model
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import WeightsError
+from frida_painter.teaching.evaluation import likelihood
+from frida_painter.teaching.param2stroke import Param2Stroke
+from frida_painter.teaching.training import train_field
 from marks import SMALL, shapes, small_library
 
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from frida_painter import registry
-from frida_painter.brush import evaluation
-from frida_painter.brush.evaluation import evaluate
 from frida_painter.brush.field import StrokeField
-from frida_painter.brush.param2stroke import Param2Stroke
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.cli import commands
+from frida_painter.teaching import evaluation
+from frida_painter.teaching.evaluation import evaluate
+from frida_painter.teaching.param2stroke import Param2Stroke
 from marks import small_library
 from plugins import install
 
@@ -42,8 +42,8 @@ def hasty(monkeypatch):
     def hastily(name, library, kind=None, *, seed=0, notify=None):
         return thoroughly(name, library, kind, seed=seed, hasty=True, notify=notify)
 
-    monkeypatch.setattr("frida_painter.brush.evaluation.learn", hastily)
-    monkeypatch.setattr("frida_painter.brush.evaluation.learn", hastily)
+    monkeypatch.setattr("frida_painter.teaching.evaluation.learn", hastily)
+    monkeypatch.setattr("frida_painter.teaching.evaluation.learn", hastily)
 
 
 def test_a_brush_is_learned_and_then_tested_on_other_strokes(run, monkeypatch):

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frida_painter.brush.teaching import read_marks
 from frida_painter.cli.teach import guide, teach
 from frida_painter.easel import guiding
 from frida_painter.errors import ConfigError, FamilyError, MotionFailed
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
+from frida_painter.teaching.marks import read_marks
 from machines.xarm_box import COLLISION, STANDBY, TEACHING, XarmBox, use_ports
 
 pytest.importorskip("xarm", reason="the extra `xarm` is not installed")

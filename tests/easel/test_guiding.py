@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frida_painter.brush.guided_marks import MarkCutter
-from frida_painter.brush.teaching import learn_family, read_marks
 from frida_painter.easel import guiding
 from frida_painter.easel.guiding import guide_arm
 from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
@@ -21,6 +19,7 @@ from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.lab.taught_strokes import make_marks
+from frida_painter.teaching.marks import MarkCutter, learn_family, read_marks
 from machines.paths import a_stroke
 from machines.xarm_box import COLLISION, PAUSED, STANDBY, TEACHING, XarmBox, use_ports
 

@@ -2,10 +2,10 @@ import math
 
 import torch
 
-from frida_painter.brush.bezier import BezierStroke
 from frida_painter.brush.kinds import MEDIUM
 from frida_painter.export.vector import control_points, mark_widths
 from frida_painter.strokes import Strokes
+from frida_painter.teaching.bezier import BezierStroke
 from support.plans import made_up_strokes
 
 

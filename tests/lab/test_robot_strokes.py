@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.brush.bezier import BezierStroke
 from frida_painter.brush.kinds import FINE
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.lab.sim2real import MarkSizes, SoftStrokes, as_plan, constrain_to_brush, render
 from frida_painter.render import render as render_brush
 from frida_painter.strokes import Strokes
+from frida_painter.teaching.bezier import BezierStroke
 
 SIZE = CanvasSize(0.12, 0.09)
 MODEL = BezierStroke.typical(FINE).requires_grad_(False)

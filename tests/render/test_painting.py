@@ -3,13 +3,13 @@ import torch
 from torch import Tensor
 
 from composites import assert_same, scene, with_gradients
-from frida_painter.brush.bezier import BezierStroke
 from frida_painter.brush.kinds import MEDIUM
 from frida_painter.brush.table import StrokeTable
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.render import composite, painting, reference, render, scanline
 from frida_painter.strokes import Strokes
+from frida_painter.teaching.bezier import BezierStroke
 
 SIZE = CanvasSize(0.3, 0.2)
 

@@ -7,7 +7,6 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frida_painter.brush.bezier import BezierStroke, RibbonShape
 from frida_painter.brush.kinds import FINE, MEDIUM, BrushKind, Dip
 from frida_painter.hardware.motion import Motion
 from frida_painter.plan import Plan
@@ -16,6 +15,7 @@ from frida_painter.render import render
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import Dipped
 from frida_painter.session.hand import put_in_order
+from frida_painter.teaching.bezier import BezierStroke, RibbonShape
 from support.easel import CALIBRATION, WORKSPACE
 from support.plans import CANVAS, made_up_plan
 

@@ -19,9 +19,8 @@ from browsing import (
     opened_studio,
     window,
 )
-from frida_painter.brush.families import load_family, load_family_model
-from frida_painter.brush.family_field import FamilyField
 from frida_painter.plan import Plan
+from frida_painter.teaching.families import FamilyField, load_family, load_family_model
 
 pytestmark = [pytest.mark.slow, WITH_CHROMIUM, pytest.mark.timeout(560)]  # on a busy machine
 

@@ -9,21 +9,25 @@ It predicts two marks of a stroke. The mean over repeated strokes is used for pl
 typical stroke, with sharper edges. `spread` describes the variation.
 """
 
+import json
 import math
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Any, Self
 
 import torch
 from torch import Tensor, nn
 
-from frida_painter.brush.kinds import CERTAIN, BrushKind, CoverageSpread
-from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.table import squash, stretch_sigmoid
-from frida_painter.brush.training import Best, ModelFile, Split, TrainingProgress, TrainingReport, write_model
+from frida_painter import tensor_file
+from frida_painter.brush.kinds import CERTAIN, BrushKind, CoverageSpread, StrokeModel
+from frida_painter.brush.table import squash
+from frida_painter.errors import WeightsError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
+
+if TYPE_CHECKING:
+    from frida_painter.brush.library import StrokeLibrary
 
 FORMAT = "frida-painter stroke field"
 VERSION = 2
@@ -35,6 +39,124 @@ _SPREAD = 2.0
 _BARE = 2.0
 _NOTHING = -20.0
 _CELLS_AT_ONCE = 2**18
+
+
+# Files of weights: tensors and metadata of a stroke model, checked when they are read
+
+_ABOUT = "stroke_model"
+_LARGEST_MAP = 4096
+_FARTHEST = 10.0
+
+
+@dataclass(frozen=True)
+class ModelFile:
+    """Content of a file of weights.
+
+    format: kind of the stroke model
+    version: version of that format
+    brush, frame, limits: as in StrokeModel
+    tensors: weights by name
+    family: name of the stroke family; "" for a brush's own strokes
+    """
+
+    path: Path
+    format: str
+    version: int
+    brush: str
+    frame: MapFrame
+    limits: StrokeLimits
+    tensors: dict[str, Tensor]
+    family: str = ""
+
+    @classmethod
+    def read(cls, path: Path) -> "ModelFile":
+        """Reads weights of any kind of stroke model. Raises WeightsError if they are missing, damaged or foreign."""
+        tensors, metadata = tensor_file.read_tensors(path, "weights of a stroke model", WeightsError)
+        about = _about(metadata)
+        if not isinstance(about.get("format"), str) or not isinstance(about.get("version"), int):
+            raise WeightsError(_foreign(path))
+        try:
+            family = str(about.get("family", ""))
+            return cls(path, about["format"], about["version"], str(about["brush"]), *_geometry(about), tensors, family)
+        except (KeyError, TypeError, ValueError, OverflowError) as cause:
+            raise _misfit(path, cause) from cause
+
+    def require(self, format: str, version: int) -> None:
+        """Raises WeightsError unless the file has that format and version."""
+        if (self.format, self.version) != (format, version):
+            raise WeightsError(_foreign(self.path))
+
+    def fill(self, model: nn.Module) -> None:
+        """Loads the weights into a model and freezes it. Raises WeightsError if they do not fit."""
+        try:
+            model.load_state_dict(self.tensors)
+        except (RuntimeError, ValueError) as cause:
+            raise _misfit(self.path, cause) from cause
+        model.eval().requires_grad_(False)
+
+    def misfit(self, cause: Exception) -> WeightsError:
+        """Returns the error for a file from which no model can be built."""
+        return _misfit(self.path, cause)
+
+
+def write_model(path: Path, format: str, version: int, model: StrokeModel, tensors: Mapping[str, Tensor]) -> str:
+    """Writes weights with their metadata and returns the file's sha256. Raises StorageError."""
+    frame, limits = model.frame, model.limits
+    about = {
+        "format": format,
+        "version": version,
+        "brush": model.brush,
+        "frame": [frame.left, frame.right, frame.bottom, frame.top],
+        "cells": [frame.rows, frame.columns],
+        "limits": [*limits.length, *limits.bend],
+        **({} if limits.family is None else {"family": limits.family.name}),
+    }
+    # A single entry, because the order of several entries would change from run to run.
+    return tensor_file.write_tensors(path, tensors, {_ABOUT: json.dumps(about)})
+
+
+def _foreign(path: Path) -> str:
+    return (
+        f"{path} does not hold weights of a stroke model of this version; "
+        "give a file that `frida-painter strokes train` wrote."
+    )
+
+
+def _misfit(path: Path, cause: Exception) -> WeightsError:
+    return WeightsError(
+        f"{path} holds weights of a stroke model with a part missing, out of range or of the wrong shape "
+        f"({str(cause).splitlines()[0]}); train them anew."
+    )
+
+
+def _about(metadata: dict[str, str]) -> dict[str, Any]:
+    """Returns the metadata of a file of weights; empty if it cannot be read."""
+    try:
+        about = json.loads(metadata.get(_ABOUT, ""))
+    except (ValueError, RecursionError):
+        return {}
+    return about if isinstance(about, dict) else {}
+
+
+def _geometry(about: dict[str, Any]) -> tuple[MapFrame, StrokeLimits]:
+    """Returns frame and limits from the metadata. Raises KeyError, TypeError, ValueError or OverflowError."""
+    left, right, bottom, top = (float(number) for number in about["frame"])
+    rows, columns = about["cells"]
+    shortest, longest, least, most = (float(number) for number in about["limits"])
+    metres = (left, right, bottom, top, shortest, longest, least, most)
+    if not all(math.isfinite(number) and abs(number) < _FARTHEST for number in metres):
+        raise ValueError(f"a measure that is not finite or above {_FARTHEST:g} m")
+    bends = least < most or "family" in about  # a stroke of a family has codes and no bend
+    if not (left < 0 < right and bottom < 0 < top and 0 < shortest < longest and bends):
+        raise ValueError("a rectangle or limits without extent")
+    if not (isinstance(rows, int) and isinstance(columns, int)):
+        raise TypeError("a map with broken cells")
+    if not (0 < rows <= _LARGEST_MAP and 0 < columns <= _LARGEST_MAP and rows * columns <= _LARGEST_MAP**2 // 16):
+        raise ValueError(f"a map of {rows} x {columns} cells")
+    return MapFrame(left, right, bottom, top, rows, columns), StrokeLimits((shortest, longest), (least, most))
+
+
+# The network
 
 
 @dataclass(frozen=True)
@@ -174,7 +296,7 @@ class StrokeField(nn.Module):
         cell = self.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2)
         return cell.expand(len(length), -1, -1)
 
-    def recorded_maps(self, library: StrokeLibrary) -> Tensor:
+    def recorded_maps(self, library: "StrokeLibrary") -> Tensor:
         """Returns the marks of a library on the cells of the strokes' frames, [n, rows, columns] in [0, 1]."""
         return library.maps(self.frame)
 
@@ -271,187 +393,3 @@ def _paths(length: Tensor, bend: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]
     shape = bend if bend.dim() == 2 else bend[:, None]  # codes of a family, or bends
     path, owner = torch.unique(torch.cat((length[:, None], shape), 1), dim=0, return_inverse=True)
     return (path[:, 0], path[:, 1:] if bend.dim() == 2 else path[:, 1]), owner
-
-
-# Training of a stroke field on a stroke library
-#
-# Two strokes of one shape differ by a millimetre or two in place and width. A model that follows each stroke learns
-# this noise. So noise is added to the shape of each stroke in training, but not to the place. The field then learns
-# what strokes of similar shape have in common.
-#
-# One network learns both marks: the median minimises absolute errors, the mean squared errors. The spread is
-# measured on the held-out strokes.
-
-_BATCH = 8
-_MAX_CELLS = 1600
-_STEPS = 1200
-_FEWEST_EPOCHS = 2
-_MAX_EPOCHS = 240
-_RATE = 1e-2
-_DECAY = 1e-3
-_VAGUENESS = 0.08
-_SQUARED = 2.0  # weight of the squared error of the mean
-_INKED = 0.3
-_NEARLY_ALL = 0.95
-_MARGIN = 0.2  # in units of the field
-
-
-@dataclass(frozen=True)
-class _Lesson:
-    """Training data of one stroke.
-
-    views [m, v]: views of its near cells
-    wanted [m]: their magnitudes
-    style [1, k]: shape of the stroke
-    elsewhere: sum of the magnitudes on other cells
-    """
-
-    views: Tensor
-    wanted: Tensor
-    style: Tensor
-    elsewhere: float
-
-
-def train_field(
-    model: StrokeField,
-    library: StrokeLibrary,
-    *,
-    seed: int = 0,
-    epochs: int | None = None,
-    patience: int = 80,
-    notify: Callable[[TrainingProgress], None] | None = None,
-) -> TrainingReport:
-    """Trains `model` in place on the strokes of a library.
-
-    epochs: largest number of epochs; None for about 1200 steps of 8 strokes
-    patience: number of epochs without a better validation error after which training ends
-    The first training holds out a fifth of the strokes for validation. Then the field is trained again on all
-    strokes for the same number of epochs, so it is slightly better than the report says. The same seed gives
-    the same weights.
-    Raises LibraryError if there are fewer than 5 strokes.
-    """
-    chance = torch.Generator().manual_seed(seed)
-    split = Split.of(library, chance)
-    model.reach.fill_(_reach(model, library))
-    untrained = {name: tensor.clone() for name, tensor in model.state_dict().items()}
-    lessons = _lessons(model, library)
-    cells = model.frame.rows * model.frame.columns
-    rounds = epochs or _rounds(len(split.training))
-
-    curve: list[TrainingProgress] = []
-    best = Best(model)
-    course = _Course(model, [lessons[index] for index in split.training], rounds, chance)
-    while len(curve) < rounds and len(curve) - best.epoch < patience:
-        training_error = course.epoch() / cells
-        error = _error(model, [lessons[index] for index in split.held_out]) / cells
-        best.see(len(curve) + 1, error)
-        curve.append(TrainingProgress(len(curve) + 1, rounds, training_error, error, best.error))
-        if notify is not None:
-            notify(curve[-1])
-    best.restore()
-    with torch.no_grad():
-        predicted = model.median(*library[split.held_out].shapes())
-        spread = _spread(model, [lessons[index] for index in split.held_out])
-    report = TrainingReport(best.epoch, best.error, split.held_out, predicted, tuple(curve))
-
-    model.load_state_dict(untrained)
-    model.varies.copy_(torch.tensor(spread))
-    again = _Course(model, lessons, len(curve), chance)
-    for _ in curve:
-        again.epoch()
-    return report
-
-
-def _rounds(count: int) -> int:
-    return min(_MAX_EPOCHS, max(_FEWEST_EPOCHS, math.ceil(_STEPS / math.ceil(count / _BATCH))))
-
-
-class _Course:
-    """Training by Adam with a rate that rises and falls once over all epochs."""
-
-    def __init__(self, model: StrokeField, lessons: list[_Lesson], rounds: int, chance: torch.Generator) -> None:
-        self.model = model
-        self.lessons = lessons
-        self.chance = chance
-        self.optimizer = torch.optim.AdamW(model.parameters(), lr=_RATE, weight_decay=_DECAY)
-        steps = rounds * math.ceil(len(lessons) / _BATCH)
-        self.schedule = torch.optim.lr_scheduler.OneCycleLR(
-            self.optimizer, max_lr=_RATE, total_steps=steps, pct_start=0.1
-        )
-
-    def epoch(self) -> float:
-        """Trains on each stroke once; returns the mean over strokes of the sum of absolute errors."""
-        total = 0.0
-        for index in torch.split(torch.randperm(len(self.lessons), generator=self.chance), _BATCH):
-            batch = [self._glance(self.lessons[int(number)]) for number in index]
-            views, styles, wanted = (torch.cat(part) for part in zip(*batch, strict=True))
-            off = stretch_sigmoid(self.model.logits(views, styles)) - wanted[:, None]
-            missed = off[:, MEDIAN].abs()
-            self.optimizer.zero_grad()
-            (missed.mean() + _SQUARED * off[:, MEAN].square().mean()).backward()  # type: ignore[no-untyped-call]
-            self.optimizer.step()
-            self.schedule.step()
-            for number, part in zip(index, torch.split(missed.detach(), [len(one[2]) for one in batch]), strict=True):
-                lesson = self.lessons[int(number)]
-                total += float(part.mean()) * len(lesson.wanted) + lesson.elsewhere
-        return total / len(self.lessons)
-
-    def _glance(self, lesson: _Lesson) -> tuple[Tensor, Tensor, Tensor]:
-        """Returns some cells of a stroke: views [m, 7], noisy shape [m, 3], magnitudes [m]."""
-        views, wanted = lesson.views, lesson.wanted
-        if len(wanted) > _MAX_CELLS:
-            some = torch.randint(len(wanted), (_MAX_CELLS,), generator=self.chance)
-            views, wanted = views[some], wanted[some]
-        vague = lesson.style + _VAGUENESS * torch.randn(lesson.style.shape, generator=self.chance)
-        return views, vague.expand(len(wanted), -1), wanted
-
-
-@torch.no_grad()
-def _lessons(model: StrokeField, library: StrokeLibrary) -> list[_Lesson]:
-    """Returns the training data of each stroke."""
-    thickness, length, bend = library.shapes()
-    maps = model.recorded_maps(library).flatten(1)
-    near = model.near(length, bend)
-    styles = model.styles(thickness, length, bend)
-    places = model.cell_places(length)
-    lessons = []
-    for index in range(len(library)):
-        here, only = near[index], slice(index, index + 1)
-        views = model.views(
-            places[index, here], torch.zeros(int(here.sum()), dtype=torch.long), length[only], bend[only]
-        )
-        lessons.append(_Lesson(views, maps[index, here], styles[only], float(maps[index, ~here].sum())))
-    return lessons
-
-
-@torch.no_grad()
-def _error(model: StrokeField, lessons: list[_Lesson]) -> float:
-    """Returns the sum of absolute errors of the median map, mean over the strokes."""
-    total = 0.0
-    for lesson in lessons:
-        total += float((_predict_cells(model, lesson)[:, MEDIAN] - lesson.wanted).abs().sum()) + lesson.elsewhere
-    return total / len(lessons)
-
-
-@torch.no_grad()
-def _spread(model: StrokeField, lessons: list[_Lesson]) -> CoverageSpread:
-    """Returns the variation of marks about their means."""
-    means = torch.cat([_predict_cells(model, lesson)[:, MEAN] for lesson in lessons])
-    return CoverageSpread.fit(means, torch.cat([lesson.wanted for lesson in lessons]))
-
-
-def _predict_cells(model: StrokeField, lesson: _Lesson) -> Tensor:
-    """Returns median and mean at a lesson's cells: [m, 2]."""
-    return squash(model.logits(lesson.views, lesson.style.expand(len(lesson.wanted), -1)))
-
-
-def _reach(model: StrokeField, library: StrokeLibrary) -> float:
-    """Returns the largest distance of paint from the rectangle around the path in metres.
-
-    It covers nearly all strokes of the library, plus a margin; the other strokes have drops.
-    """
-    _, length, bend = library.shapes()
-    outside = model.outside(length, bend)
-    inked = model.recorded_maps(library).flatten(1) > _INKED
-    farthest = torch.where(inked, outside, 0.0).amax(1)
-    return float(torch.quantile(farthest, _NEARLY_ALL)) + _MARGIN * model.unit

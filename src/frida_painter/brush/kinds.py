@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import NamedTuple, Protocol, Self
 
 import numpy as np
@@ -274,6 +275,37 @@ class BrushModel:
     def name(self) -> str:
         """Name of the brush."""
         return self.kind.name
+
+
+_READ_FAMILY = registry.Later("frida_painter.teaching.families:read_family")
+
+
+@dataclass(frozen=True)
+class FamilyPart:
+    """Stroke family that is registered under its name (registry.py).
+
+    folder: folder of its files
+    help: the stroke in a few words
+    """
+
+    name: str
+    folder: Path
+    help: str = ""
+
+    @property
+    def file(self) -> Path:
+        """File of the family itself."""
+        return self.folder / f"{self.name}.safetensors"
+
+    def load(self) -> StrokeFamily:
+        """Returns the family. Raises FamilyError."""
+        family: StrokeFamily = _READ_FAMILY(self.file)
+        return family
+
+    def weights(self, brush: str) -> Path | None:
+        """Returns the file of the stroke model for a brush; None if nobody has learned one."""
+        path = self.folder / f"{self.name}-{brush}.safetensors"
+        return path if path.is_file() else None
 
 
 def brush_kind(name: str) -> BrushKind:

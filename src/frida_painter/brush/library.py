@@ -17,6 +17,7 @@ from frida_painter import storage
 from frida_painter.brush.kinds import Dip, painted_area
 from frida_painter.errors import LibraryError
 from frida_painter.frames import MapFrame
+from frida_painter.registry import Later
 
 if TYPE_CHECKING:
     from frida_painter.canvas_size import AnyCanvas
@@ -107,6 +108,9 @@ _DAMAGED = (
     zipfile.BadZipFile,
     zlib.error,
 )
+
+
+_CUT_STROKES = Later("frida_painter.teaching.photographs:cut_strokes")
 
 
 @dataclass(frozen=True)
@@ -273,9 +277,7 @@ class StrokeLibrary:
         Flawed strokes are marked in `flaws`. Raises LibraryError for a wrong table, CalibrationError if a sheet
         cannot be found in its photograph, ImageError.
         """
-        from frida_painter.brush.photographs import cut_strokes  # loaded here because planners do not need it
-
-        cut = cut_strokes(photographs, shapes, sheet, paint, around)
+        cut = _CUT_STROKES(photographs, shapes, sheet, paint, around)
         recorded = np.arange(len(cut.length_m), dtype=np.int32)
         made = cls(**vars(cut), recorded_index=recorded)
         return replace(made, flaws=judge_marks(made))

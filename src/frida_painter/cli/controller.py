@@ -13,8 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from frida_painter import registry
-from frida_painter.brush.families import FamilyPart
-from frida_painter.brush.kinds import BrushModel
+from frida_painter.brush.kinds import BrushModel, FamilyPart
 from frida_painter.calibration import Calibration, previous
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.connecting import examine_robot

@@ -25,10 +25,10 @@ from frida_painter.errors import ConfigError
 from frida_painter.options import BrushOption, ListingOption, SeedOption, out_file, whole_number_within
 
 if TYPE_CHECKING:
-    from frida_painter.brush.evaluation import Evaluation, Learned, Likelihood
     from frida_painter.brush.kinds import BrushKind
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.procedures.strokes import StrokesFinding
+    from frida_painter.teaching.evaluation import Evaluation, Learned, Likelihood
 
 
 # strokes evaluate: error of a stroke model on really painted strokes.
@@ -60,11 +60,11 @@ def evaluate_model(
     The error is the mean absolute error of the magnitude map over the whole stored crop, from 0 to 1.
     All strokes count, also flawed ones.
     """
-    from frida_painter.brush.evaluation import evaluate, likelihood
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.weights import load_stroke_model
     from frida_painter.devices import prepare_process
     from frida_painter.report.training_page import evaluation_page
+    from frida_painter.teaching.evaluation import evaluate, likelihood
 
     if page is not None and page.suffix != ".html":
         raise ConfigError(f"--page was given {str(page)!r}; a page goes into a file that ends in .html.")
@@ -178,12 +178,12 @@ def train(
     A fifth of the strokes is held out for validation. The learning curve (.csv) and a page with
     pictures (.html) are written beside the weights.
     """
-    from frida_painter.brush.evaluation import cross_validate
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.brush.training import TrainingProgress
     from frida_painter.devices import prepare_process
     from frida_painter.report.training_page import training_page
+    from frida_painter.teaching.evaluation import cross_validate
+    from frida_painter.teaching.training import TrainingProgress
 
     if out.suffix != ".safetensors" or out.is_dir():
         raise ConfigError(f"--out was given {str(out)!r}; weights go into a file that ends in .safetensors.")
@@ -247,8 +247,8 @@ def work_bar() -> Progress:
 
 def learn_on(bar: Progress, model: str, library: "StrokeLibrary", kind: "BrushKind | None", seed: int) -> "Learned":
     """Learns a stroke model of that name, and shows the progress on a bar."""
-    from frida_painter.brush.evaluation import learn
-    from frida_painter.brush.training import TrainingProgress
+    from frida_painter.teaching.evaluation import learn
+    from frida_painter.teaching.training import TrainingProgress
 
     task = bar.add_task("training", total=None)
 

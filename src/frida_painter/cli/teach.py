@@ -95,12 +95,12 @@ def teach(
     afterwards, until you arm it.
     """
     from frida_painter import images
-    from frida_painter.brush.families import write_family
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.brush.teaching import learn_family, read_marks
     from frida_painter.devices import prepare_process
     from frida_painter.report.family_sheet import family_sheet
+    from frida_painter.teaching.families import write_family
+    from frida_painter.teaching.marks import learn_family, read_marks
 
     out = out or Path(f"{name}.safetensors")
     if out.suffix != ".safetensors":
@@ -146,11 +146,11 @@ def guide(robot: str, workspace: Path | None, brush: str, path: Path) -> None:
     Raises ConfigError if there is no workspace file, the file of marks exists, or nobody is at the terminal.
     Raises the errors of `guide_arm` after the marks were written, if there are any, and FamilyError without marks.
     """
-    from frida_painter.brush.guided_marks import MarkCutter
     from frida_painter.calibration import Calibration
     from frida_painter.easel.guiding import guide_arm
     from frida_painter.hardware.workcell import WorkcellConfig
     from frida_painter.runs.calibrating import default_record
+    from frida_painter.teaching.marks import MarkCutter
 
     if workspace is None:
         raise ConfigError(f"Where the canvas of {robot[:60]!r} is, is not known; say it with --workspace FILE.")

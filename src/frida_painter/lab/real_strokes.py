@@ -10,7 +10,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from frida_painter.brush import FEWEST_STROKES
-from frida_painter.brush.evaluation import likelihood
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import LibraryError
 from frida_painter.lab import ExperimentScale
@@ -36,6 +35,7 @@ from frida_painter.lab.trials import (
     ResultTable,
     Row,
 )
+from frida_painter.teaching.evaluation import likelihood
 
 NAME = "real-strokes"
 

@@ -15,14 +15,14 @@ from scipy import stats
 from torch import Tensor
 
 from frida_painter.brush import DEFAULT_MODEL, MODELS
-from frida_painter.brush import evaluation as training
-from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter.brush.kinds import StrokeModel, median_of
 from frida_painter.brush.library import StrokeLibrary, clean, resample
 from frida_painter.errors import LibraryError
 from frida_painter.lab import ExperimentScale
 from frida_painter.lab.trials import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.report.sheets import Cell, FigureRow, page
+from frida_painter.teaching import evaluation as training
+from frida_painter.teaching.bezier import BezierStroke, RibbonShape, fit_bezier
 
 # Stroke models in comparison, each learned from a stroke library.
 # `learn` returns a function from the shapes of a library's strokes to their predicted marks, on the library's cells.

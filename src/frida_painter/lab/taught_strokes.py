@@ -21,11 +21,8 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from frida_painter import images
-from frida_painter.brush.evaluation import errors
-from frida_painter.brush.families import load_family
 from frida_painter.brush.kinds import BrushKind, StrokeModel, brush_kind
 from frida_painter.brush.library import StrokeLibrary, clean
-from frida_painter.brush.teaching import TaughtMark, align_marks, find_modes, reconstruct
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.easel.dialogue import lead
 from frida_painter.easel.virtual_easel import open_virtual_easel, studio_brush
@@ -47,6 +44,9 @@ from frida_painter.procedures.strokes import strokes
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
+from frida_painter.teaching.evaluation import errors
+from frida_painter.teaching.families import load_family
+from frida_painter.teaching.marks import TaughtMark, align_marks, find_modes, reconstruct
 from frida_painter.virtual.studio import open_studio
 
 NAME = "taught-strokes"

@@ -15,8 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from frida_painter.brush.families import FamilyPart
-    from frida_painter.brush.kinds import BrushKind, BrushModel, StrokeFunction, StrokeModel
+    from frida_painter.brush.kinds import BrushKind, BrushModel, FamilyPart, StrokeFunction, StrokeModel
     from frida_painter.canvas_size import CanvasSize
     from frida_painter.easel.kinds import EaselKind, OpenEasel
     from frida_painter.errors import (

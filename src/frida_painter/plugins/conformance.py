@@ -17,8 +17,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, registry
-from frida_painter.brush.families import FamilyPart
-from frida_painter.brush.kinds import BrushModel, StrokeModel, require_stroke_model
+from frida_painter.brush.kinds import BrushModel, FamilyPart, StrokeModel, require_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import EaselKind
 from frida_painter.errors import ConfigError, FridaError, MakingFailed, PluginError

@@ -17,7 +17,6 @@ from torch import Tensor
 
 from frida_painter import storage, tensor_file
 from frida_painter.brush import MAX_BETWEEN_REFILLS, MAX_STROKES
-from frida_painter.brush.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import Flaw, StrokeLibrary, clean, estimate_dip, judge, judge_marks
 from frida_painter.calibration import Calibration, LearnedFile
@@ -28,6 +27,7 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.procedures.paper import BLACK, Crop, EaselAccess, Paper, Print, Shapes
 from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font
+from frida_painter.teaching.bezier import BezierStroke, RibbonShape, fit_bezier
 
 # Recordings: stroke libraries in progress, with every stroke on the disk as soon as it is photographed.
 # The strokes are in a folder beside the library until it is complete. After a crash the same call continues.

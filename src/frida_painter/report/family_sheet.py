@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.brush.kinds import StrokeModel
-from frida_painter.brush.teaching import TaughtMark, align_marks
 from frida_painter.sheet import INK, LINE, PAPER, SOFT, Grid, Sheet
 from frida_painter.stroke_family import CODE_REACH, StrokeFamily
+from frida_painter.teaching.marks import TaughtMark, align_marks
 
 _WIDTH, _MARGIN = 1200, 40
 _CELL = (180, 120)

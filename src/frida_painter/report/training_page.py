@@ -13,11 +13,11 @@ from PIL import Image
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.evaluation import Learned
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.report.chart import Series, chart
 from frida_painter.report.page import template
+from frida_painter.teaching.evaluation import Learned
 
 if TYPE_CHECKING:
     pass

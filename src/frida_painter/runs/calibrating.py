@@ -9,9 +9,7 @@ from typing import Any
 from platformdirs import user_data_path
 
 from frida_painter.brush import DEFAULT_MODEL
-from frida_painter.brush.evaluation import learn
 from frida_painter.brush.kinds import BrushKind
-from frida_painter.brush.training import TrainingProgress
 from frida_painter.calibration import OF_A_BRUSH, Calibration, LearnedFile
 from frida_painter.easel.dialogue import Procedure
 from frida_painter.easel.kinds import VIRTUAL
@@ -29,6 +27,8 @@ from frida_painter.procedures.surface import POINTS
 from frida_painter.procedures.surface import surface as surface_procedure
 from frida_painter.runs.painting_easel import order
 from frida_painter.runs.spec import RunSpec
+from frida_painter.teaching.evaluation import learn
+from frida_painter.teaching.training import TrainingProgress
 from frida_painter.virtual.studio import open_studio
 
 

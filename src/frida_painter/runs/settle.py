@@ -9,8 +9,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from frida_painter import images
-from frida_painter.brush.families import load_family
+from frida_painter import images, registry
 from frida_painter.brush.kinds import StrokeModel, brush_kind
 from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import AnyBrush, load_stroke_model
@@ -162,6 +161,7 @@ class Controls:
     adapt: Adapt = answer_usually
 
 
+_load_family = registry.Later("frida_painter.teaching.families:load_family")
 _ON_GPU = 100.0  # work of a network on a GPU in the time of a processor, at least
 
 
@@ -485,7 +485,7 @@ def name_families(spec: RunSpec) -> RunSpec:
     if spec.strokes_of is None:
         return spec
     for source, _ in family_shares(spec.strokes_of):
-        load_family(source)
+        _load_family(source)
     return spec.model_copy(update={"brushes": spec.layer_brushes, "strokes_of": None})
 
 

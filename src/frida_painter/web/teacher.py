@@ -8,17 +8,17 @@ from tempfile import TemporaryDirectory
 
 from frida_painter import images, storage
 from frida_painter.brush import FIELD
-from frida_painter.brush.evaluation import learn
-from frida_painter.brush.families import write_family
 from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.teaching import learn_family, read_marks
-from frida_painter.brush.training import TrainingProgress
 from frida_painter.easel.dialogue import lead
 from frida_painter.easel.virtual_easel import open_virtual_easel
 from frida_painter.procedures.strokes import StrokesProgress, strokes
 from frida_painter.report.family_sheet import family_sheet
 from frida_painter.session.events import FamilyTaught
+from frida_painter.teaching.evaluation import learn
+from frida_painter.teaching.families import write_family
+from frida_painter.teaching.marks import learn_family, read_marks
+from frida_painter.teaching.training import TrainingProgress
 from frida_painter.web.studio_folder import PaintingFolder
 from frida_painter.web.teaching_progress import TeachingRequest
 

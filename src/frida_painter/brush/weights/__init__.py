@@ -1,28 +1,35 @@
 """Stroke models by brush, of this and other packages, and trained models in files."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from frida_painter import registry
-from frida_painter.brush import family_field, field, param2stroke
-from frida_painter.brush.families import family_model_of, load_family_model
-from frida_painter.brush.family_field import FamilyField
-from frida_painter.brush.field import StrokeField
-from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, BrushModel, StrokeModel, require_stroke_model
-from frida_painter.brush.param2stroke import Param2Stroke
+from frida_painter.brush.field import FORMAT, ModelFile, StrokeField
+from frida_painter.brush.kinds import (
+    BROAD,
+    FINE,
+    MEDIUM,
+    BrushKind,
+    BrushModel,
+    FamilyPart,
+    StrokeModel,
+    require_stroke_model,
+)
 from frida_painter.brush.table import StrokeTable
-from frida_painter.brush.training import ModelFile
 from frida_painter.errors import PluginError, WeightsError
 from frida_painter.plan import Plan
+from frida_painter.registry import Later
 from frida_painter.storage import abridge
 
-_KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {
-    field.FORMAT: StrokeField,
-    family_field.FORMAT: FamilyField,
-    param2stroke.FORMAT: Param2Stroke,
+_FORMATS: dict[str, Callable[[ModelFile], StrokeModel]] = {
+    FORMAT: StrokeField.restore,
+    "frida-painter family field": Later("frida_painter.teaching.families:FamilyField.restore"),
+    "frida-painter param2stroke": Later("frida_painter.teaching.param2stroke:Param2Stroke.restore"),
 }
-
-
-_OURS = (StrokeTable, StrokeField, Param2Stroke)  # made here, from models that were tried
+"""Readers of the files of weights, by their format."""
+_family_model = Later("frida_painter.teaching.families:load_family_model")
+_model_of_family = Later("frida_painter.teaching.families:family_model_of")
+_OURS = (StrokeTable, StrokeField)  # made here, from models that were tried
 
 AnyBrush = StrokeModel | str | Path
 """Brush as public functions take it: its name, a file of weights, or a stroke model."""
@@ -51,7 +58,7 @@ def load_stroke_model(brush: AnyBrush) -> StrokeModel:
     registered = brushes.get(str(brush))
     first, plus, family = str(brush).partition("+")
     if plus and first in brushes and registered is None:
-        return load_family_model(family, first)
+        return _family_model(family, first)
     if registered is None and not Path(brush).suffix:  # not a file: the name is misspelt
         raise WeightsError(
             f"{abridge(brush)} is no brush; give {', '.join(brushes)}, or the path of weights (.safetensors) that you "
@@ -78,13 +85,15 @@ def weights_of(brush: str) -> tuple[Path, ...]:
         return (Path(first),)
     if not registered.is_ours:
         return ()
-    home = Path(__file__).parent
     if not family:
-        return (home / f"{first}.safetensors",)
+        return (Path(__file__).with_name(f"{first}.safetensors"),)
     if Path(family).suffix:
         return (Path(family),)
-    own = home / f"{family}-{first}.safetensors"
-    return (home / f"{family}.safetensors", *([own] if own.exists() else []))
+    known = registry.parts(registry.STROKE_FAMILIES)
+    if family not in known:
+        raise WeightsError(f"{abridge(family)} is no stroke family here; install the package that registers it.")
+    part = known[family].load(FamilyPart)
+    return tuple(filter(None, (part.file, part.weights(first))))
 
 
 def load_models_of(plan: Plan) -> dict[str, StrokeModel]:
@@ -95,23 +104,23 @@ def load_models_of(plan: Plan) -> dict[str, StrokeModel]:
     return {
         layer.kind: load_stroke_model(layer.brush)
         if layer.limits.family is None
-        else family_model_of(layer.limits.family, layer.brush)
+        else _model_of_family(layer.limits.family, layer.brush)
         for layer in plan.layers
     }
 
 
-def load_weights(path: Path) -> StrokeField | Param2Stroke:
+def load_weights(path: Path) -> StrokeModel:
     """Returns the stroke model in a file of weights.
 
     Raises WeightsError if it is missing, damaged or of unknown kind.
     """
     file = ModelFile.read(path)
-    if file.format not in _KINDS_OF_MODEL:
+    if file.format not in _FORMATS:
         raise WeightsError(
             f"{path} holds a stroke model of an unknown kind; give a file that this version of "
             "`frida-painter strokes train` wrote."
         )
-    return _KINDS_OF_MODEL[file.format].restore(file)
+    return _FORMATS[file.format](file)
 
 
 def _load_shipped(kind: BrushKind) -> BrushModel:

@@ -1,8 +1,9 @@
 import pytest
 import torch
 
-from frida_painter.brush.field import StrokeField, train_field
+from frida_painter.brush.field import StrokeField
 from frida_painter.errors import LibraryError
+from frida_painter.teaching.training import train_field
 from marks import SMALL, small_frame, small_library
 
 

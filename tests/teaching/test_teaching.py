@@ -7,13 +7,19 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.brush.families import load_family, load_family_model, read_family, write_family
-from frida_painter.brush.family_field import FamilyField, FamilyRibbon
 from frida_painter.brush.kinds import FINE
-from frida_painter.brush.teaching import TaughtMark, align_marks, held_out_error, learn_family, read_marks
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import FamilyError, WeightsError
 from frida_painter.lab.taught_strokes import FAMILIES, make_marks
+from frida_painter.teaching.families import (
+    FamilyField,
+    FamilyRibbon,
+    load_family,
+    load_family_model,
+    read_family,
+    write_family,
+)
+from frida_painter.teaching.marks import TaughtMark, align_marks, held_out_error, learn_family, read_marks
 
 LINE = {"x": [0, 5, 10, 20], "y": [0, 1, 0, 2], "pressure": [0.2, 0.8, 0.8, 0.2]}
 

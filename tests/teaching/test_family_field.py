@@ -3,7 +3,6 @@
 import pytest
 import torch
 
-from frida_painter.brush.family_field import FamilyField, FamilyRibbon, TracedPaths
 from frida_painter.brush.kinds import FINE, growth_of, kind_of, mark_width
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.canvas_size import CanvasSize
@@ -14,6 +13,7 @@ from frida_painter.render import reference
 from frida_painter.render.painting import marks_of, render
 from frida_painter.stroke_family import Taught
 from frida_painter.strokes import Strokes
+from frida_painter.teaching.families import FamilyField, FamilyRibbon, TracedPaths
 from marks import wave_family
 
 FAMILY = wave_family()

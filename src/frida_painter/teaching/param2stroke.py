@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from frida_painter.brush import FEWEST_STROKES
-from frida_painter.brush.field import StrokeField, train_field
+from frida_painter.brush.field import ModelFile, StrokeField, write_model
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import squash, stretch_sigmoid
-from frida_painter.brush.training import Best, ModelFile, Split, TrainingProgress, TrainingReport, write_model
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
+from frida_painter.teaching.training import Best, Split, TrainingProgress, TrainingReport, train_field
 
 FORMAT = "frida-painter param2stroke"
 VERSION = 1

@@ -5,9 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from frida_painter.brush.guided_marks import MarkCutter
-from frida_painter.brush.teaching import read_marks
 from frida_painter.errors import FamilyError
+from frida_painter.teaching.marks import MarkCutter, read_marks
 
 PRESS = 0.005
 

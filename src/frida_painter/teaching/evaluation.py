@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.brush import FEWEST_STROKES, FIELD, MODELS, PARAM2STROKE
-from frida_painter.brush.family_field import FamilyField
-from frida_painter.brush.field import StrokeField, train_field
+from frida_painter.brush.field import StrokeField
 from frida_painter.brush.kinds import BrushKind, StrokeModel, growth_of, median_of, spread_of
 from frida_painter.brush.library import StrokeLibrary, clean, resample
-from frida_painter.brush.param2stroke import Param2Stroke, train_param2stroke
-from frida_painter.brush.training import TrainingProgress, TrainingReport, require_enough
 from frida_painter.errors import ConfigError, LibraryError
 from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
+from frida_painter.teaching.families import FamilyField
+from frida_painter.teaching.param2stroke import Param2Stroke, train_param2stroke
+from frida_painter.teaching.training import TrainingProgress, TrainingReport, require_enough, train_field
 
 # From a stroke library to a stroke model; only this part knows all kinds of models.
 

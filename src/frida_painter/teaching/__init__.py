@@ -1,0 +1,1 @@
+"""Teaching: stroke models learned from painted strokes, and families of strokes that a person taught."""
