@@ -21,7 +21,7 @@ from frida_painter.brush.weights import load_models_of
 from frida_painter.plan import Plan
 from frida_painter.report.painters import Painters, find_painters
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settle import Controls
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import PauseCause, Paused, StrokePainted
 from frida_painter.session.person_strokes import PenStroke
 from frida_painter.virtual.canvas import Canvas

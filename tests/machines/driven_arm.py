@@ -168,7 +168,6 @@ def paint(
             Hand(easel, brush_kind("fine")),
             CanvasObserver(easel, None, None, wait=lambda seconds: None),
             EvenlySpaced(replans),
-            stop_asked=lambda: False,
             notify=notify,
             journal=Journal.nowhere(),
         )

@@ -16,8 +16,8 @@ from frida_painter.cli import commands
 from frida_painter.event_log import EventLog
 from frida_painter.runs.look_folder import GivenPicture, LookFolder
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import PauseCause, Paused, Planned, Remark
 from frida_painter.session.journal import History
 from marks import coarse_table

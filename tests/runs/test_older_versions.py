@@ -14,8 +14,8 @@ from frida_painter.errors import ConfigError, FridaError, StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec, upgrade_record
+from frida_painter.session.controls import Controls
 from frida_painter.virtual.simulation_log import SimulationLog
 from frida_painter.web.painting_state import PaintingState
 from frida_painter.web.state import FeedStates

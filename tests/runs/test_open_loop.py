@@ -34,8 +34,8 @@ from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.controls import Controls
 from frida_painter.session.journal import History
 from killing import _read_pictures_alone
 from machines.bench import tell_zero

@@ -12,8 +12,8 @@ from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
 from frida_painter.runs.painting_folder import history_of
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Paused, StrokePainted
 from frida_painter.session.person_strokes import PenStroke
 

@@ -3,6 +3,7 @@
 import itertools
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from frida_painter.event_log import EventLog
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.plan import Plan
 from frida_painter.session import resuming
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, PauseCause, Paused, Planned, TimelapseFrame
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
@@ -119,7 +121,7 @@ class Together:
             session().person.answer(self.answer)
             return True
 
-        return {"pause_cause": pause_cause, "go_on": go_on, "notify": self.heard.append}
+        return {"controls": Controls(pause_cause=pause_cause, go_on=go_on), "notify": self.heard.append}
 
 
 @pytest.mark.slow
@@ -201,7 +203,8 @@ def test_what_cannot_be_painted_is_refused_before_anything_is_noted(world: Virtu
                     refusals.append(str(refused.value))
                 return False
 
-            return {**super().controls(session), "go_on": go_on}
+            led = super().controls(session)
+            return {**led, "controls": replace(led["controls"], go_on=go_on)}
 
     with pytest.raises(Exception, match="has paused after 2 strokes"):
         Refused(world, tmp_path, [], after=2).paint()

@@ -100,7 +100,6 @@ def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(
         Hand(easel, brush_kind("fine")),
         CanvasObserver(easel),
         EvenlySpaced(REPLANS),
-        stop_asked=lambda: False,
         notify=gauge.hear,
         journal=Journal.begin(tmp_path, {}, {}),
     )

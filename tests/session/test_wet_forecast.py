@@ -54,7 +54,7 @@ def paint(turned: bool, wet: WetPaint | None) -> tuple[WetPaint | None, float, f
     easel.camera.connect()
     session = PaintingSession(
         planner, Hand(easel, brush_kind("broad")), CanvasObserver(easel), EvenlySpaced(0),
-        stop_asked=lambda: False, notify=heard.append,
+        notify=heard.append,
     )  # fmt: skip
     painting = session.run(60, 8)
     first = next(event for event in heard if isinstance(event, Planned))

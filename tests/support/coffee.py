@@ -73,7 +73,6 @@ def paint_coffee(
         Hand(easel, brush_kind(brush), Placement.unknown(easel.calibration.depths if learns_touch else None)),
         CanvasObserver(easel),
         EvenlySpaced(replans),
-        stop_asked=lambda: False,
         notify=notify,
     )
     return session.run(strokes, 8), studio, planner

@@ -16,11 +16,12 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.problem import Region
 from frida_painter.planning.wet_paint import Wetness
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Paused
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
-from frida_painter.session.loop import PaintingSession
-from frida_painter.session.observer import CanvasObserver, Timelapse
+from frida_painter.session.loop import Extent, PaintingSession
+from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
 from marks import SMALL
@@ -167,14 +168,15 @@ class SessionSetup:
             self.hand,
             self.observer,
             self.policy or EvenlySpaced(self.replans),
-            stop_asked=lambda: self.stopping,
             notify=self._hear,
             journal=self.journal,
-            pause_cause=lambda: "person" if self.pausing else None,
-            go_on=self._answer,
-            mixed=self.mixed,
-            timelapse=Timelapse(self.timelapse_frames),
-            budget=self.budget,
+            controls=Controls(
+                stop_asked=lambda: self.stopping,
+                pause_cause=lambda: "person" if self.pausing else None,
+                go_on=self._answer,
+                mixed=self.mixed,
+            ),
+            extent=Extent(self.budget, frames=self.timelapse_frames),
         )
 
     def run(self) -> Painting:

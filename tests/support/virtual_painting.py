@@ -89,7 +89,6 @@ class VirtualPainting:
             hand,
             CanvasObserver(easel, None, history and resuming.light(history), wait=lambda seconds: None),
             EvenlySpaced(REPLANS),
-            stop_asked=lambda: False,
             notify=notify,
             journal=journal,
             **more,

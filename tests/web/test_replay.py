@@ -11,8 +11,8 @@ from frida_painter import images
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settle import Controls
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
     Event,
     Finishing,

@@ -68,7 +68,6 @@ from frida_painter.runs.painting_folder import (
 from frida_painter.runs.painting_folder import input_hashes as hashes
 from frida_painter.runs.run_record import RECORD, RunRecord, hash_picture
 from frida_painter.runs.settle import (
-    Controls,
     SettledRun,
     begin_together,
     check,
@@ -80,6 +79,7 @@ from frida_painter.runs.settle import (
 )
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
     CanvasAssumed,
     Event,
@@ -528,14 +528,17 @@ class PaintingRun:
             self.spec,
             self.planner,
             easel,
-            replace(self.controls, stop_asked=self._must_stop),
-            mixed=self.controls.mixed or (lambda wanted: self.mixed),
-            paint_on=self._paint_on,
+            replace(
+                self.controls,
+                stop_asked=self._must_stop,
+                mixed=self.controls.mixed or (lambda wanted: self.mixed),
+                paint_on=self._paint_on,
+                given=self._take_given_picture,
+            ),
             notify=hear,
             journal=journal,
             light=resuming.light(self.history) if self.history else None,
             placement=self._reopened.placement if self._reopened else None,
-            given=self._take_given_picture,
         )
         return self.session
 

@@ -49,7 +49,6 @@ _PLANNED: Mapping[str, Any] = {field.name: field.default for field in fields(Pla
 
 def setting(
     default: Any,
-    help_: str,
     *,
     value: str = "",
     usual: str = "",
@@ -59,7 +58,7 @@ def setting(
     common: bool = False,
     **limits: Any,
 ) -> Any:
-    """Returns a field of a section.
+    """Returns a field of a section; the docstring below it is its help.
 
     value: word for its value in the help. "": one by its type.
     usual: the default in words. "": the default itself.
@@ -70,7 +69,7 @@ def setting(
     limits: as in pydantic's Field.
     """
     more: dict[str, Any] = {"value": value, "usual": usual, "names": names, "of": of, "adds": adds, "common": common}
-    return Field(default, description=help_, json_schema_extra=more, **limits)
+    return Field(default, json_schema_extra=more, **limits)
 
 
 def about(field: Any) -> Mapping[str, Any]:
@@ -80,7 +79,7 @@ def about(field: Any) -> Mapping[str, Any]:
 
 def help_of(field: Any) -> str:
     """Returns the help of a setting, with the parts that are registered now."""
-    more, told = about(field), [field.description]
+    more, told = about(field), [" ".join(field.description.split())]
     if known := [name for group in more["of"] for name in parts(group)]:
         told.append(f"Available: {', '.join(known)}.")
     if added := [name for group in more["adds"] for name in names_of_others(group)]:
@@ -99,7 +98,12 @@ class Section(BaseModel):
     """Some settings of a painting, with a panel of their own in the help."""
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, arbitrary_types_allowed=True, allow_inf_nan=False
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        arbitrary_types_allowed=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
     )
     panel: ClassVar[str] = ""
 
@@ -109,50 +113,29 @@ class GoalSettings(Section):
 
     panel: ClassVar[str] = "What to paint"
 
-    goal: Items = setting((), "What to paint: a list of goals, each with its kind and weight.")
-    initial: InitialItems = setting((), "What to begin with, in the same form: image, text or style.")
+    goal: Items = setting(())
+    """Goals: a list of things to paint, each with its kind and weight."""
+    initial: InitialItems = setting(())
+    """Things to begin with, in the same form: image, text or style."""
     clip: str | None = setting(
-        None,
-        "The CLIP model for text and meaning: a name on the hub, a folder or its file of weights, or a safetensors "
-        "file of a CLIP ResNet.",
-        value="NAME|FOLDER",
-        usual="clip-vit-b-32 if it was downloaded, else smaller networks",
-        min_length=1,
+        None, value="NAME|FOLDER", usual="clip-vit-b-32 if it was downloaded, else smaller networks", min_length=1
     )
-    pictures: File = setting(
-        None,
-        "A folder with your own pictures of things, named by what they show (red-fox.png, or a text beside each). Text "
-        "prompts use them first.",
-        value="FOLDER",
-        usual="the libraries that were downloaded",
-    )
-    beginning: Beginning = setting(
-        USUAL.beginning,
-        "First picture of a painting of words alone. scene: pictures of its things; colors: a coarse picture, coloured "
-        "by a CLIP; nothing: none. auto: what a CLIP likes best of the two, or a scene.",
-    )
-    avoid: str = setting(
-        USUAL.avoid,
-        "Words that a painting of words should not look like.",
-        value="WORDS",
-        usual="no words",
-        max_length=200,
-    )
-    guide: Guide = setting(
-        None,
-        "A diffusion pipeline that leads the plan of words, by score distillation: diffusers:NAME is a folder, or a "
-        "name on the hub, fetched once. diffusers:NAME,scale=X says how strongly the words count, 100 by default.",
-        value="diffusers:NAME",
-        usual="a CLIP alone, if there is one",
-        min_length=1,
-    )
-    freedom: float = setting(
-        USUAL_FREEDOM,
-        "How far the colours of a painting by content (--semantic) may leave those of the picture: 0 is faithful, 1 is "
-        "wild.",
-        ge=0,
-        le=1,
-    )
+    """The CLIP model for text and meaning: a name on the hub, a folder or its file of weights, or a safetensors file
+    of a CLIP ResNet."""
+    pictures: File = setting(None, value="FOLDER", usual="the libraries that were downloaded")
+    """A folder with your own pictures of things, named by them (red-fox.png, or a text beside each). Text prompts use
+    them first."""
+    beginning: Beginning = setting(USUAL.beginning)
+    """First picture of a painting of words alone. scene: pictures of its things; colors: a coarse picture, coloured
+    by a CLIP; nothing: none. auto: what a CLIP likes best of the two, or a scene."""
+    avoid: str = setting(USUAL.avoid, value="WORDS", usual="no words", max_length=200)
+    """Words that a painting of words should not look like."""
+    guide: Guide = setting(None, value="diffusers:NAME", usual="a CLIP alone, if there is one", min_length=1)
+    """A diffusion pipeline that leads the plan of words, by score distillation: diffusers:NAME is a folder, or a
+    name on the hub, fetched once. diffusers:NAME,scale=X says how strongly the words count, 100 by default."""
+    freedom: float = setting(USUAL_FREEDOM, ge=0, le=1)
+    """Freedom of the colours of a painting by content (--semantic) from those of the picture: 0 is faithful, 1 is
+    wild."""
 
 
 class CanvasSettings(Section):
@@ -160,57 +143,36 @@ class CanvasSettings(Section):
 
     panel: ClassVar[str] = "Canvas and paints"
 
-    canvas: Canvas = setting(
-        CanvasSize(14 * 0.0254, 11 * 0.0254),
-        "Canvas size: width x height in in, cm or mm, like 14x11in or 297x210mm, or a name from A6 to A0, letter, "
-        "legal or tabloid, like A3 or 'A3 landscape'. It is rotated to match the picture.",
-        value="SIZE",
-        usual="14x11in",
-        common=True,
-    )
-    fit: Literal["canvas", "crop", "pad"] = setting(
-        "canvas",
-        "How a picture with another aspect ratio fits onto the canvas. canvas: the canvas takes the aspect ratio of "
-        "the picture, within its size. crop: the picture is cropped. pad: white is added. A real canvas keeps its "
-        "shape; there, canvas means crop.",
-    )
+    canvas: Canvas = setting(CanvasSize(14 * 0.0254, 11 * 0.0254), value="SIZE", usual="14x11in", common=True)
+    """Canvas size: width x height in in, cm or mm, like 14x11in or 297x210mm, or a name from A6 to A0, letter, legal
+    or tabloid, like A3 or 'A3 landscape'. It is rotated to match the picture."""
+    fit: Literal["canvas", "crop", "pad"] = setting("canvas")
+    """Way to fit a picture with another aspect ratio onto the canvas. canvas: the canvas takes the aspect ratio of the
+    picture, within its size. crop: the picture is cropped. pad: white is added. A real canvas keeps its shape;
+    there, canvas means crop."""
     ground: Ground = setting(
         None,
-        "The colour in which the bare canvas is toned before the painting begins. auto takes the one that suits the "
-        "picture. A person tones it; the recipe is told, and the camera looks before anything is planned.",
         value="auto|white|#RRGGBB",
         usual="white; in the studio, auto for a picture of 100 strokes or more, and for words alone and styles the "
         "commonest colour around the things",
     )
-    colors: int = setting(_PLANNED["colors"], "Number of paints to mix.", common=True, ge=1, le=24)
-    new_paints: bool | None = setting(
-        None,
-        "Mix new paints for each layer, --colors of them, or keep those of the first. With --palette they are kept.",
-        usual="new paints",
-    )
-    paints: PaintsInUse = setting(
-        _PLANNED["paints"],
-        "The paints that you mix from. acrylics: six common ones; FILE: your own, as for mix --paints. A colour that "
-        "they cannot give becomes the nearest one that they can, and colours with one recipe become one. any: every "
-        "colour, for pens, screens and paints that are not mixed. A --palette is never changed.",
-        value="acrylics|any|FILE",
-        min_length=1,
-    )
-    darkest: DarkestPaint = setting(
-        None,
-        "The colour of your darkest paint once it is dry. No darker paint is planned, and the forecast is right where "
-        "the picture is darker.",
-        value="#RRGGBB",
-        usual="in the studio #121212, otherwise #000000",
-    )
-    palette: File = setting(
-        None,
-        "The paints that you really mixed: a palette of GIMP (.gpl) or Adobe (.ase), a list of colours like #f2e9dc, "
-        'JSON like {"paints": ["#f2e9dc", ...]}, a picture of them, or a photograph of a strip with bare paper and one '
-        "swatch of each paint.",
-        value="FILE",
-        usual="the paints of the plan",
-    )
+    """The colour in which the bare canvas is toned before the painting begins. auto takes the one that suits the
+    picture. A person tones it; the recipe is told, and the camera looks before anything is planned."""
+    colors: int = setting(_PLANNED["colors"], common=True, ge=1, le=24)
+    """Number of paints to mix."""
+    new_paints: bool | None = setting(None, usual="new paints")
+    """Mix new paints for each layer, --colors of them, or keep those of the first. With --palette they are kept."""
+    paints: PaintsInUse = setting(_PLANNED["paints"], value="acrylics|any|FILE", min_length=1)
+    """The paints that you mix from. acrylics: six common ones; FILE: your own, as for mix --paints. A colour that
+    they cannot give becomes the nearest one that they can, and colours with one recipe become one. any: every
+    colour, for pens, screens and paints that are not mixed. A --palette is never changed."""
+    darkest: DarkestPaint = setting(None, value="#RRGGBB", usual="in the studio #121212, otherwise #000000")
+    """The colour of your darkest paint once it is dry. No darker paint is planned, and the forecast is right where
+    the picture is darker."""
+    palette: File = setting(None, value="FILE", usual="the paints of the plan")
+    """The paints that you really mixed: a palette of GIMP (.gpl) or Adobe (.ase), a list of colours like #f2e9dc,
+    JSON like {"paints": ["#f2e9dc", ...]}, a picture of them, or a photograph of a strip with bare paper and one
+    swatch of each paint."""
 
 
 class PlanSettings(Section):
@@ -218,18 +180,10 @@ class PlanSettings(Section):
 
     panel: ClassVar[str] = "Strokes"
 
-    strokes: int = setting(
-        _PLANNED["strokes"],
-        "Number of brush strokes. Exactly this number is painted, unless --minutes has fewer.",
-        common=True,
-        ge=1,
-        le=20_000,
-    )
+    strokes: int = setting(_PLANNED["strokes"], common=True, ge=1, le=20_000)
+    """Number of brush strokes. Exactly this number is painted, unless --minutes has fewer."""
     brushes: Brushes = setting(
         None,
-        "The brush: fine, medium or broad, or a file of stroke model weights that you trained. Several paint a layer "
-        "each, like broad,medium, with shares of the strokes like broad:60%,medium:40%. auto tries some with quick "
-        "plans, and takes what suits the picture best.",
         value="NAME,...|auto",
         usual="in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and "
         "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:50%,fine:50%; otherwise broad",
@@ -238,52 +192,34 @@ class PlanSettings(Section):
         common=True,
         min_length=1,
     )
+    """The brush: fine, medium or broad, or a file of stroke model weights that you trained. Several paint a layer
+    each, like broad,medium, with shares of the strokes like broad:60%,medium:40%. auto tries some with quick plans,
+    and takes what suits the picture best."""
     strokes_of: Families = setting(
-        None,
-        "Families of strokes that a person taught, each in a layer of the last brush: comma, zigzag, flourish, or a "
-        "file that teach wrote. With shares of the strokes like comma:20%,flourish:30%; without them families get 40% "
-        "together.",
-        value="FAMILY,...",
-        usual="strokes of the brushes alone",
-        adds=(STROKE_FAMILIES,),
-        min_length=1,
+        None, value="FAMILY,...", usual="strokes of the brushes alone", adds=(STROKE_FAMILIES,), min_length=1
     )
+    """Families of strokes that a person taught, each in a layer of the last brush: comma, zigzag, flourish, or a
+    file that teach wrote. With shares of the strokes like comma:20%,flourish:30%; without them families get 40%
+    together."""
     layers: int | None = setting(
         None,
-        "Number of layers of strokes. Each is painted from light to dark on the dry paint of the one before, and "
-        "planned for the canvas as it is then. The first has most of the strokes.",
-        usual="as many as brushes; of one brush 2 for a picture of 100 strokes or more, otherwise 1; 1 where drying "
+        usual="as many as brushes; of one brush 2 for a picture of 100 strokes or more, otherwise 1; 1 if drying "
         "takes a third of --minutes",
         ge=1,
         le=MAX_LAYERS,
     )
-    focus: Focus = setting(
-        _PLANNED["focus"],
-        "What matters most in a picture. faces: faces, where there are any; none: every place is worth the same.",
-    )
-    render_height: int = setting(
-        _PLANNED["rows"], "Height of the planning image in pixels. Higher is finer and slower.", ge=64, le=2048
-    )
-    effort: float = setting(
-        _PLANNED["effort"],
-        "Planning effort. 2 plans twice as long, 0.5 half as long; a CLIP looks more, or less.",
-        ge=0.05,
-        le=20,
-    )
-    planner: str = setting(
-        _PLANNED["planner"],
-        "How the plan is made. Your own packages can add planners.",
-        value="NAME",
-        adds=(PLANNERS,),
-        min_length=1,
-    )
-    seed: int = setting(
-        _PLANNED["seed"],
-        "Random seed. The same seed gives the same painting, another seed a different one.",
-        common=True,
-        ge=0,
-        le=2**31 - 1,
-    )
+    """Number of layers of strokes. Each is painted from light to dark on the dry paint of the one before, and
+    planned for the canvas as it is then. The first has most of the strokes."""
+    focus: Focus = setting(_PLANNED["focus"])
+    """Part of a picture that matters most. faces: faces, if there are any; none: every place is worth the same."""
+    render_height: int = setting(_PLANNED["rows"], ge=64, le=2048)
+    """Height of the planning image in pixels. Higher is finer and slower."""
+    effort: float = setting(_PLANNED["effort"], ge=0.05, le=20)
+    """Planning effort. 2 plans twice as long, 0.5 half as long; a CLIP looks more, or less."""
+    planner: str = setting(_PLANNED["planner"], value="NAME", adds=(PLANNERS,), min_length=1)
+    """Way to make the plan. Your own packages can add planners."""
+    seed: int = setting(_PLANNED["seed"], common=True, ge=0, le=2**31 - 1)
+    """Random seed. The same seed gives the same painting, another seed a different one."""
 
 
 class MachineSettings(Section):
@@ -291,67 +227,28 @@ class MachineSettings(Section):
 
     panel: ClassVar[str] = "On which machine"
 
-    robot: str = setting(
-        VIRTUAL,
-        "The robot that paints, like virtual or xarm:192.168.1.10. `doctor` shows how to write each name. sawyer-sim "
-        "is a physical simulation of the paper's arm.",
-        value="NAME",
-        of=(EASELS, ROBOTS),
-        common=True,
-        min_length=1,
-    )
-    camera: str = setting(
-        "",
-        "The camera of a real easel, like opencv:0 or folder:PATH. `doctor` shows how to write each name.",
-        value="NAME",
-        of=(CAMERAS,),
-        common=True,
-    )
-    workspace: File = setting(
-        None,
-        "The workspace file of a real robot (TOML): where canvas, wells, water and rag stand.",
-        value="FILE",
-        usual="the virtual studio's own",
-        common=True,
-    )
-    calibration: File = setting(
-        None,
-        "The calibration record of the easel.",
-        value="FILE",
-        usual="the virtual studio's own",
-        common=True,
-    )
-    placement_error: Placement = setting(
-        None,
-        "Calibration error of the virtual studio: the offset and rotation between its canvas and where its robot "
-        "expects the canvas, like 4mm,2deg or 3mm,-2mm,1.5deg.",
-        value="X,Y,TURN",
-        usual="about 2mm and 0.4deg, by the seed",
-    )
-    pace: float = setting(
-        0.0,
-        "Seconds that a second of the virtual robot takes. 1 is real time, 0.1 ten times as fast, 0 as fast as "
-        "possible.",
-        ge=0,
-        le=100,
-    )
-    arm_meshes: File = setting(
-        None,
-        "A folder with meshes of the Sawyer arm (OBJ or STL), for the film of the arm.",
-        value="FOLDER",
-        usual="built-in capsules",
-    )
-    on_canvas: bool = setting(
-        False,
-        "Begin on what is on the canvas: a toned ground, an old painting, or what you have painted. The light is known "
-        "from the canvas calibration, which saw a bare canvas.",
-    )
-    studio_canvas: File = setting(
-        None,
-        "A picture of what is on the canvas of the virtual studio at first.",
-        value="FILE",
-        usual="a bare canvas",
-    )
+    robot: str = setting(VIRTUAL, value="NAME", of=(EASELS, ROBOTS), common=True, min_length=1)
+    """The robot that paints, like virtual or xarm:192.168.1.10. `doctor` shows how to write each name. sawyer-sim is
+    a physical simulation of the paper's arm."""
+    camera: str = setting("", value="NAME", of=(CAMERAS,), common=True)
+    """The camera of a real easel, like opencv:0 or folder:PATH. `doctor` shows how to write each name."""
+    workspace: File = setting(None, value="FILE", usual="the virtual studio's own", common=True)
+    """The workspace file of a real robot (TOML): the places of canvas, wells, water and rag."""
+    calibration: File = setting(None, value="FILE", usual="the virtual studio's own", common=True)
+    """The calibration record of the easel."""
+    placement_error: Placement = setting(None, value="X,Y,TURN", usual="about 2mm and 0.4deg, by the seed")
+    """Calibration error of the virtual studio: the offset and rotation between its canvas and where its robot
+    expects the canvas, like 4mm,2deg or 3mm,-2mm,1.5deg."""
+    pace: float = setting(0.0, ge=0, le=100)
+    """Seconds that a second of the virtual robot takes. 1 is real time, 0.1 ten times as fast, 0 as fast as
+    possible."""
+    arm_meshes: File = setting(None, value="FOLDER", usual="built-in capsules")
+    """A folder with meshes of the Sawyer arm (OBJ or STL), for the film of the arm."""
+    on_canvas: bool = setting(False)
+    """Begin on the canvas as it is: a toned ground, an old painting, or what you have painted. The light is known
+    from the canvas calibration, which saw a bare canvas."""
+    studio_canvas: File = setting(None, value="FILE", usual="a bare canvas")
+    """A picture of the canvas of the virtual studio at first."""
 
 
 class PaintingSettings(Section):
@@ -359,46 +256,28 @@ class PaintingSettings(Section):
 
     panel: ClassVar[str] = "While it paints"
 
-    title: str = setting("", "Title of the painting on its page.", max_length=80)
-    together: bool = setting(
-        False,
-        "Paint without a goal: you begin, and the robot answers each of your turns in the spirit of your strokes, with "
-        "at most --strokes in all.",
-    )
-    minutes: float | None = setting(
-        None,
-        "Minutes that the robot may take, with dips, looks, film and drying. The strokes that would be missed least "
-        "are left out until the painting fits.",
-        usual="as many as it takes",
-        common=True,
-        ge=1,
-        le=10_000,
-    )
-    replans: int = setting(
-        4,
-        "How many times to look at the canvas and replan the rest: after the first ten strokes, which tell where the "
-        "robot paints, then evenly spaced, and where a layer begins.",
-        ge=0,
-    )
+    title: str = setting("", max_length=80)
+    """Title of the painting on its page."""
+    together: bool = setting(False)
+    """Paint without a goal: you begin, and the robot answers each of your turns in the spirit of your strokes, with
+    at most --strokes in all."""
+    minutes: float | None = setting(None, usual="as many as it takes", common=True, ge=1, le=10_000)
+    """Minutes that the robot may take, with dips, looks, film and drying. The strokes that would be missed least are
+    left out until the painting fits."""
+    replans: int = setting(4, ge=0)
+    """Number of looks at the canvas, each with a replan of the rest: after the first ten strokes, which tell where the
+    robot paints, then evenly spaced, and where a layer begins."""
     replan_policy: Policy = setting(
-        None,
-        "When to replan, instead of --replans. every:75 replans after every 75 strokes. when-off-by:0.02 looks after "
-        "every 10 strokes and replans only if the canvas differs more than that from the expected one. when-it-pays "
-        "looks as often as replanning improves the plan by 0.05 dB. Your own packages can add policies.",
-        value="NAME:VALUE",
-        usual="evenly spaced, --replans times",
-        adds=(REPLAN_POLICIES,),
-        min_length=1,
+        None, value="NAME:VALUE", usual="evenly spaced, --replans times", adds=(REPLAN_POLICIES,), min_length=1
     )
-    drying: float = setting(
-        20.0,
-        "Minutes that a layer dries before the next one is painted on it. Thin acrylic paint needs 10 to 30; 0 is for "
-        "what dries at once, such as pens. The virtual studio does not wait, unless --pace says so.",
-        value="MINUTES",
-        ge=0,
-        le=1440,
-    )
-    film: bool = setting(True, "Make a timelapse film of the painting.")
+    """Rule for replans, instead of --replans. every:75 replans after every 75 strokes. when-off-by:0.02 looks after
+    every 10 strokes and replans only if the canvas differs more than that from the expected one. when-it-pays looks
+    as often as replanning improves the plan by 0.05 dB. Your own packages can add policies."""
+    drying: float = setting(20.0, value="MINUTES", ge=0, le=1440)
+    """Minutes that a layer dries before the next one is painted on it. Thin acrylic paint needs 10 to 30; 0 is for
+    colours that dry at once, such as pens. The virtual studio does not wait, unless --pace says so."""
+    film: bool = setting(True)
+    """Make a timelapse film of the painting."""
 
 
 OF_PLANS = (GoalSettings, CanvasSettings, PlanSettings)

@@ -16,7 +16,6 @@ from frida_painter.brush.weights import AnyBrush, load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.compiled import await_loops
-from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import TITLES
 from frida_painter.easel.operator import ground_recipe
 from frida_painter.errors import ConfigError
@@ -48,15 +47,14 @@ from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_te
 from frida_painter.runs.picture_making import making_facts
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Notify, PauseCause, Paused
+from frida_painter.session.controls import Controls
+from frida_painter.session.events import Notify
 from frida_painter.session.hand import Hand, with_measured_dip
 from frida_painter.session.journal import History, Journal
-from frida_painter.session.loop import PaintingSession
-from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver, CanvasStart, Timelapse
+from frida_painter.session.loop import Extent, PaintingSession
+from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver, CanvasStart
 from frida_painter.session.opening import planning_device
-from frida_painter.session.person_turns import Adapt
 from frida_painter.session.replan_policy import EvenlySpaced, NeverLooks, ReplanPolicy, parse_replan_policy
-from frida_painter.session.turn_policy import answer_usually
 from frida_painter.strokes import Strokes
 
 _TOLD = 0.01  # share of a picture that may be cut off without a remark, because pixels are whole numbers
@@ -130,35 +128,6 @@ _FIT = {
 }
 
 _DARKEST_OF_STUDIO = "#121212"  # its soot reflects 0.6 % of the light
-
-
-def _never() -> bool:
-    return False
-
-
-@dataclass(frozen=True)
-class Controls:
-    """Callbacks of a person who leads a painting; by default nobody is there, and every answer is no.
-
-    stop_asked, pause_cause: checked after every stroke and planning iteration.
-    go_on: waits in a pause for a person; returns True to go on.
-    mixed: waits until the wells are filled; returns the really mixed paints, None for the wanted ones. Default: the
-    paints of the description.
-    answer: answers a question at a real easel. None: nobody is asked.
-    paint_on: called with a sentence and a photograph [3, H, W] of a canvas that is not bare, or has changed;
-    returns True to paint on.
-    repaint: called with the number and a picture of the stroke in doubt; returns True to paint it again.
-    adapt: answers a turn of a person who is not answered in a pause; see session.person_turns.
-    """
-
-    stop_asked: Callable[[], bool] = _never
-    pause_cause: Callable[[], PauseCause | None] = lambda: None
-    go_on: Callable[[Paused], bool] = lambda paused: False
-    mixed: Callable[[Palette], Palette | None] | None = None
-    answer: Callable[[Question], Answer] | None = None
-    paint_on: Callable[[str, Tensor], bool] = lambda difference, photograph: False
-    repaint: Callable[[int, Tensor], bool] = lambda number, picture: False
-    adapt: Adapt = answer_usually
 
 
 _load_family = registry.Later("frida_painter.teaching.families:load_family")
@@ -298,22 +267,16 @@ def open_session(
     easel: Easel,
     controls: Controls,
     *,
-    mixed: Callable[[Palette], Palette | None],
-    paint_on: Callable[[str, Tensor], bool],
     notify: Notify,
     journal: Journal,
     light: FlatField | None = None,
     placement: Placement | None = None,
-    given: Callable[[], None] = lambda: None,
 ) -> PaintingSession:
     """Opens a session on an easel with connected robot and camera.
 
     Raises LibraryError if the stroke library is damaged.
 
-    mixed: called when the palette is known; waits and returns the really mixed paints.
-    paint_on: called if something is on the canvas at first; returns True to paint on.
     light, placement: light and placement learned in an earlier run.
-    given: called between strokes on an easel without a camera, to take a person's picture.
     """
     first, *others = (
         with_measured_dip(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.brushes
@@ -323,19 +286,16 @@ def open_session(
     return PaintingSession(
         planner,
         Hand(easel, first, where, others=tuple(others), drying=60 * spec.drying),
-        CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
+        CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, controls.paint_on), light),
         replan_policy(spec, planner.layer_sizes(spec.strokes)),
-        stop_asked=controls.stop_asked,
         notify=notify,
         journal=journal,
-        pause_cause=controls.pause_cause,
-        go_on=controls.go_on,
-        mixed=mixed,
-        timelapse=Timelapse(spec.film_length),
-        budget=None if spec.minutes is None else 60 * spec.minutes,
-        given=given,
-        most=spec.strokes if spec.together else None,
-        adapt=controls.adapt,
+        controls=controls,
+        extent=Extent(
+            None if spec.minutes is None else 60 * spec.minutes,
+            spec.strokes if spec.together else None,
+            spec.film_length,
+        ),
     )
 
 

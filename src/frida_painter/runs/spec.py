@@ -63,7 +63,8 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
         (50, '210 x 297 mm', 0)
     """
 
-    version: Literal[1] = setting(1, "Version of these settings in a file.")
+    version: Literal[1] = setting(1)
+    """Version of these settings in a file."""
 
     @model_validator(mode="after")
     def _fit_together(self) -> Self:

@@ -11,13 +11,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from types import TracebackType
-from typing import Protocol, Self, TypeVar
+from typing import NamedTuple, Protocol, Self, TypeVar
 
 from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
 from frida_painter.hardware.robot import PausableRobot
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
     BrushInHand,
     Dipped,
@@ -52,9 +53,6 @@ _REASONS: dict[PauseCause, str] = {
 class Interruptions:
     """Checks after every stroke and every planning step for a stop or a pause, and performs the pause.
 
-    stop_asked: returns True if a person wants to stop.
-    pause_cause: returns the cause of a pause that is due, None if none is.
-    go_on: called in a pause; waits for the answer and returns True to go on.
     painted: returns the number of painted strokes.
     between: called at each check, after a pause; it may move the arm and adopt another plan.
     touched: True if a person may have painted on the canvas since the last look.
@@ -64,18 +62,15 @@ class Interruptions:
         self,
         hand: Hand,
         notify: Notify,
-        *,
-        stop_asked: Callable[[], bool],
-        pause_cause: Callable[[], PauseCause | None],
-        go_on: Callable[[Paused], bool],
+        controls: Controls,
         painted: Callable[[], int],
         between: Callable[[], None] = lambda: None,
     ) -> None:
         self._between = between
         self.touched = False
-        self.pause_cause = pause_cause
+        self.pause_cause = controls.pause_cause
         self._hand, self._notify = hand, notify
-        self._stop_asked, self._go_on, self._painted = stop_asked, go_on, painted
+        self._stop_asked, self._go_on, self._painted = controls.stop_asked, controls.go_on, painted
         self._stopping, self._ask_button_at = False, 0.0
 
     def check(self, before_pause: Callable[[], None] = lambda: None) -> None:
@@ -131,6 +126,18 @@ class Interruptions:
         self.touched = True
 
 
+class Desk(NamedTuple):
+    """Everything that the parts of a session share.
+
+    tell: reports an event to the journal and the listeners.
+    """
+
+    journal: Journal
+    interruptions: Interruptions
+    progress: PaintingProgress
+    tell: Notify
+
+
 class StopAsked(Exception):
     """Signal that a person wants to stop; the session then ends the painting in order."""
 
@@ -165,19 +172,9 @@ class BatchExecutor:
     film: returns what makes these frames during a batch.
     """
 
-    def __init__(
-        self,
-        hand: Hand,
-        film: Callable[[], FrameMaker],
-        timelapse: Timelapse,
-        journal: Journal,
-        interruptions: Interruptions,
-        progress: PaintingProgress,
-        tell: Notify,
-    ) -> None:
+    def __init__(self, hand: Hand, film: Callable[[], FrameMaker], timelapse: Timelapse, desk: Desk) -> None:
         self._hand, self._open_film, self._timelapse = hand, film, timelapse
-        self._journal, self._interruptions = journal, interruptions
-        self._progress, self._tell = progress, tell
+        self._journal, self._interruptions, self._progress, self._tell = desk
         self._told: str | None = None  # brush in the hand, as last reported to listeners
         self._filmed: int | None = None  # frames that were due at the last frame; None before painting
 

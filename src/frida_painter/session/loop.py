@@ -12,13 +12,14 @@ Start reading here. This file holds only the order of the steps; these modules p
 
 Without a camera, `open_loop.py` observes: the canvas is taken to be what the painted strokes make of it.
 
-`PaintingSession._paint` is these lines. `painting.py` holds the progress. `executor.py` handles interruptions: a
+`PaintingSession._paint` is these lines. `progress.py` holds the progress. `executor.py` handles interruptions: a
 person who stops or pauses, a disk or a camera that fails. Entries that must be on the disk before the robot moves
 are written to the journal by direct calls. If such a call fails, nothing moves. All other events go to the
 listeners.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
@@ -27,48 +28,51 @@ from torch import Tensor
 
 from frida_painter.calibration import WetPaint
 from frida_painter.errors import FridaError
-from frida_painter.palette import Palette, to_hex
+from frida_painter.palette import to_hex
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
     Event,
     Failed,
     Finished,
     LayerBegun,
     Notify,
-    PauseCause,
-    Paused,
     Resumed,
     Stopped,
     Written,
 )
-from frida_painter.session.executor import BatchExecutor, Interruptions, StopAsked
+from frida_painter.session.executor import BatchExecutor, Desk, Interruptions, StopAsked
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import CanvasObserver, FrameDeveloper, Timelapse, has_ground
 from frida_painter.session.open_loop import ExpectedFrames, OpenLoopMonitor
-from frida_painter.session.person_turns import Adapt, PersonTurns
+from frida_painter.session.person_turns import PersonTurns
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
 from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
 from frida_painter.session.replan_policy import ReplanPolicy
-from frida_painter.session.turn_policy import answer_usually
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Extent of a painting.
+
+    seconds: of the robot's clock for the whole painting; the strokes that matter least are left out to keep it. None:
+    as many as it takes.
+    most: greatest number of strokes of a painting without a goal: a person begins, and each of their turns is answered
+    with strokes, until this number is reached or a person ends it. None: there is a goal.
+    frames: largest number of frames of its film.
+    """
+
+    seconds: float | None = None
+    most: int | None = None
+    frames: int = 0
 
 
 class PaintingSession:
     """One painting, from a bare canvas or from the point where it broke off, to the last stroke.
 
-    stop_asked, pause_cause: checked after every stroke and every planning iteration.
     notify: receives the events.
-    go_on: called in a pause (on request, or after a fault of disk or camera); waits for a person and returns True
-    to go on. Before it returns, it may call `look_again` or `paint_instead`, or set another `planner`.
-    mixed: called when the palette is known; waits and returns the really mixed paints, or None for the wanted ones.
-    given: called between strokes on an easel without a camera, to take a person's picture (`open_loop.look_at`).
-    budget: seconds of the robot's clock for the whole painting. The strokes that matter least are left out to keep
-    it.
-
-    most: greatest number of strokes of a painting without a goal: a person begins, and each of their turns is answered
-    with strokes, until this number is reached or a person ends it. None: there is a goal.
-    adapt: answers a turn of a person who is not answered in the pause itself.
 
     Raises PaintingPaused if `go_on` returns False, and RobotError, PlanError and their subclasses. The painting
     stays on the canvas and in the journal.
@@ -81,47 +85,34 @@ class PaintingSession:
         observer: CanvasObserver,
         policy: ReplanPolicy,
         *,
-        stop_asked: Callable[[], bool],
         notify: Notify,
         journal: Journal | None = None,
-        pause_cause: Callable[[], PauseCause | None] = lambda: None,
-        go_on: Callable[[Paused], bool] = lambda paused: False,
-        mixed: Callable[[Palette], Palette | None] = lambda wanted: None,
-        timelapse: Timelapse | None = None,
-        budget: float | None = None,
-        given: Callable[[], None] = lambda: None,
-        most: int | None = None,
-        adapt: Adapt = answer_usually,
+        controls: Controls | None = None,
+        extent: Extent | None = None,
     ) -> None:
         self.hand: Final = hand
         self.observer: Final = observer
         self.policy: Final = policy
         self.journal: Final = journal or Journal.nowhere()
-        self._progress = PaintingProgress(most=most)
-        self._adapt = adapt
+        self._controls, extent = controls or Controls(), extent or Extent()
+        self._progress = PaintingProgress(most=extent.most)
         self.interruptions: Final = Interruptions(
-            hand,
-            self._tell,
-            stop_asked=stop_asked,
-            pause_cause=pause_cause,
-            go_on=go_on,
-            painted=lambda: self._progress.painted,
-            between=self._take_given,
+            hand, self._tell, self._controls, painted=lambda: self._progress.painted, between=self._take_given
         )
-        frames = timelapse or Timelapse()
-        shared = (self.journal, self.interruptions, self._progress, self._tell)
-        self._plans = PlanKeeper(planner, hand, policy, frames, *shared, budget)
+        frames = Timelapse(extent.frames)
+        desk = Desk(self.journal, self.interruptions, self._progress, self._tell)
+        self._plans = PlanKeeper(planner, hand, policy, frames, desk, extent.seconds)
         sees = hand.easel.has_camera
         developed, expected = partial(FrameDeveloper, observer), partial(ExpectedFrames, self._plans, self._progress)
         film = partial(developed if sees else expected, self._tell)
-        self._executor = BatchExecutor(hand, film, frames, *shared)
+        self._executor = BatchExecutor(hand, film, frames, desk)
         self._monitor: ExecutionMonitor | OpenLoopMonitor = (
-            ExecutionMonitor(self._plans, self._executor, hand, observer, *shared)
+            ExecutionMonitor(self._plans, self._executor, hand, observer, desk)
             if sees
-            else OpenLoopMonitor(self._plans, self._executor, hand, *shared, given)
+            else OpenLoopMonitor(self._plans, self._executor, hand, desk, self._controls.given)
         )
-        self._mixed, self._notify = mixed, notify
-        self.person: Final = PersonTurns(hand, observer, self._monitor, self._plans, *shared)
+        self._notify = notify
+        self.person: Final = PersonTurns(hand, observer, self._monitor, self._plans, desk)
         self._began_at = 0.0  # seconds of the robot's clock
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
@@ -143,7 +134,7 @@ class PaintingSession:
         """
         progress = self._progress
         if progress.most is not None:
-            self.person.alternate(progress.most, self._equip, self._executor.paint_until, self._adapt)
+            self.person.alternate(progress.most, self._equip, self._executor.paint_until, self._controls.adapt)
             return
         looks = not self.hand.easel.has_camera or self.policy.next_look(0, progress.strokes) < progress.strokes
         while progress.planned_at < progress.strokes:
@@ -245,7 +236,7 @@ class PaintingSession:
         if progress.wells is None or not torch.equal(palette.color, progress.wells.color):
             self._executor.fill_wells(palette)
             progress.wells, changes = palette, True
-            mixed = self._mixed(palette)
+            mixed = None if self._controls.mixed is None else self._controls.mixed(palette)
             if mixed is not None:
                 self._plans.bind_to_palette(mixed)
                 self.hand.easel.operator.fill_wells(mixed)
@@ -278,7 +269,7 @@ class PaintingSession:
             self._executor.clean()
             self.hand.held = None
         if where.person_unseen:
-            self.person.answer_if_possible(self._adapt)
+            self.person.answer_if_possible(self._controls.adapt)
         self.interruptions.check()  # what a person asked for before it broke off is done before a stroke is painted
 
     def _take_given(self) -> None:

@@ -22,9 +22,8 @@ from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
 from frida_painter.render.painting import render_on
 from frida_painter.session.events import CanvasAssumed, Looked, Notify, StrokePainted, TimelapseFrame
-from frida_painter.session.executor import BatchExecutor, Interruptions
+from frida_painter.session.executor import BatchExecutor, Desk
 from frida_painter.session.hand import Hand
-from frida_painter.session.journal import Journal
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS
 from frida_painter.session.plan_keeper import PlanKeeper
 from frida_painter.session.progress import PaintingProgress
@@ -67,16 +66,12 @@ class OpenLoopMonitor:
         plans: PlanKeeper,
         executor: BatchExecutor,
         hand: Hand,
-        journal: Journal,
-        interruptions: Interruptions,
-        progress: PaintingProgress,
-        tell: Notify,
+        desk: Desk,
         given: Callable[[], None] = lambda: None,
     ) -> None:
         self._plans, self._executor, self._hand = plans, executor, hand
         self._given, self._taking = given, False
-        self._journal, self._interruptions = journal, interruptions
-        self._progress, self._tell = progress, tell
+        self._journal, self._interruptions, self._progress, self._tell = desk
         self._pictured = 0  # strokes on the canvas in the last picture of a person
 
     def look(self) -> Tensor:

@@ -19,16 +19,14 @@ from frida_painter.hardware.easel import PersonCanvas, PersonStroke
 from frida_painter.palette import Palette
 from frida_painter.perception.changes import MARK, find_painted
 from frida_painter.plan import Plan
-from frida_painter.session.events import Notify, TimelapseFrame
-from frida_painter.session.executor import Interruptions
+from frida_painter.session.events import TimelapseFrame
+from frida_painter.session.executor import Desk
 from frida_painter.session.hand import Hand
-from frida_painter.session.journal import Journal
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS, CanvasObserver
 from frida_painter.session.open_loop import OpenLoopMonitor
 from frida_painter.session.person_events import PersonStrokeBegan, PersonStrokePainted
 from frida_painter.session.person_strokes import PenStroke, begin_stroke, draw_stroke
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
-from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.turn_policy import TurnTaken, take_turn
 
 Adapt = Callable[[TurnTaken], Plan | None]
@@ -71,13 +69,10 @@ class PersonTurns:
         observer: CanvasObserver,
         monitor: ExecutionMonitor | OpenLoopMonitor,
         plans: PlanKeeper,
-        journal: Journal,
-        interruptions: Interruptions,
-        progress: PaintingProgress,
-        tell: Notify,
+        desk: Desk,
     ) -> None:
         self._hand, self._observer, self._monitor, self._plans = hand, observer, monitor, plans
-        self._journal, self._interruptions, self._progress, self._tell = journal, interruptions, progress, tell
+        self._journal, self._interruptions, self._progress, self._tell = desk
         self._begun: list[PersonStrokeBegan] = []  # all strokes of the person
         self._answered = 0  # number of the last stroke that the robot has answered
         self._released = 0  # number of the last stroke that the robot may paint over

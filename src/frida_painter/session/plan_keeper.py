@@ -26,18 +26,16 @@ from frida_painter.session.choreography import BrushLoad, Looks, no_looks
 from frida_painter.session.events import (
     LastLookDoubted,
     Looked,
-    Notify,
     Planned,
     PlanningStep,
     Scheduled,
     Timetable,
     TouchCorrected,
 )
-from frida_painter.session.executor import BatchExecutor, Interruptions
+from frida_painter.session.executor import BatchExecutor, Desk
 from frida_painter.session.hand import Hand
-from frida_painter.session.journal import Journal
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TOLERANCE, CanvasObserver, Timelapse
-from frida_painter.session.progress import PaintingProgress, difference
+from frida_painter.session.progress import difference
 from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
 from frida_painter.session.spirit import touches
 
@@ -56,16 +54,12 @@ class PlanKeeper:
         hand: Hand,
         policy: ReplanPolicy,
         timelapse: Timelapse,
-        journal: Journal,
-        interruptions: Interruptions,
-        progress: PaintingProgress,
-        tell: Notify,
+        desk: Desk,
         budget: float | None = None,
     ) -> None:
         self.planner, self._budget = planner, budget
         self._hand, self._policy, self._timelapse = hand, policy, timelapse
-        self._journal, self._interruptions = journal, interruptions
-        self._progress, self._tell = progress, tell
+        self._journal, self._interruptions, self._progress, self._tell = desk
 
     def begin(self, strokes: int, colors: int, made: Plan | None = None) -> None:
         """Adopts a plan with this number of strokes: `made` if the canvas shows only its ground, else a new one.
@@ -306,20 +300,10 @@ class ExecutionMonitor:
     """
 
     def __init__(
-        self,
-        plans: PlanKeeper,
-        executor: BatchExecutor,
-        hand: Hand,
-        observer: CanvasObserver,
-        journal: Journal,
-        interruptions: Interruptions,
-        progress: PaintingProgress,
-        tell: Notify,
+        self, plans: PlanKeeper, executor: BatchExecutor, hand: Hand, observer: CanvasObserver, desk: Desk
     ) -> None:
-        self._plans, self._executor = plans, executor
-        self._hand, self._observer = hand, observer
-        self._journal, self._interruptions = journal, interruptions
-        self._progress, self._tell = progress, tell
+        self._plans, self._executor, self._hand, self._observer = plans, executor, hand, observer
+        self._journal, self._interruptions, self._progress, self._tell = desk
         self._painted: list[tuple[Plan, Tensor, Tensor]] = []  # last batches of ours alone, as seen and as expected
         self._looked_after: int | None = None  # strokes at a look that could not tell whether the canvas was moved
 

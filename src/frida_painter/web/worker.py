@@ -36,10 +36,11 @@ from frida_painter.runs.calibrating import CalibrationSetup, begin_procedure, ea
 from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun, RunOutcome
-from frida_painter.runs.settle import Controls, brushes_of, ground_of, paints_for_recipes
+from frida_painter.runs.settle import brushes_of, ground_of, paints_for_recipes
 from frida_painter.runs.setup_dialogue import SetupEvent, SetupOrder, lead_setup
 from frida_painter.runs.shares import AUTO, family_shares
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
     CalibrationStatus,
     PaintingKept,

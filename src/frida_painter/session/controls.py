@@ -1,0 +1,45 @@
+"""Controls of a painting: what a person who leads it answers and asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from frida_painter.session.turn_policy import answer_usually
+
+if TYPE_CHECKING:
+    from torch import Tensor
+
+    from frida_painter.easel.dialogue import Answer, Question
+    from frida_painter.palette import Palette
+    from frida_painter.session.events import PauseCause, Paused
+    from frida_painter.session.person_turns import Adapt
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Callbacks of a person who leads a painting; by default nobody is there, and every answer is no.
+
+    stop_asked, pause_cause: checked after every stroke and planning iteration.
+    go_on: waits in a pause (on request, or after a fault of disk or camera) for a person; returns True to go on. Before
+    it returns, it may call the session's `look_again` or `paint_instead`, or set another `planner`.
+    mixed: waits until the wells are filled; returns the really mixed paints, None for the wanted ones. Default: the
+    paints of the description.
+    answer: answers a question at a real easel. None: nobody is asked.
+    paint_on: called with a sentence and a photograph [3, H, W] of a canvas that is not bare, or has changed;
+    returns True to paint on.
+    repaint: called with the number and a picture of the stroke in doubt; returns True to paint it again.
+    given: called between strokes on an easel without a camera, to take a person's picture (`open_loop.look_at`).
+    adapt: answers a turn of a person who is not answered in a pause; see session.person_turns.
+    """
+
+    stop_asked: Callable[[], bool] = lambda: False
+    pause_cause: Callable[[], PauseCause | None] = lambda: None
+    go_on: Callable[[Paused], bool] = lambda paused: False
+    mixed: Callable[[Palette], Palette | None] | None = None
+    answer: Callable[[Question], Answer] | None = None
+    paint_on: Callable[[str, Tensor], bool] = lambda difference, photograph: False
+    repaint: Callable[[int, Tensor], bool] = lambda number, picture: False
+    given: Callable[[], None] = lambda: None
+    adapt: Adapt = answer_usually
