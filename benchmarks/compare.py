@@ -334,19 +334,19 @@ def compare_dips(checkouts: dict[str, Path], options: Options) -> tuple[list[Tab
 
 
 # Comparisons: the function of each, and the defaults of its options. QUICK replaces them in a quick run.
-FOUR = ("coffee", "rocket", "astronaut", "chelsea")
+FOUR = ("coffee", "rocket", "astronaut", "cat")
 MODES: dict[str, tuple[Callable[[dict[str, Path], Options], tuple[list[Table], Any]], dict[str, Any]]] = {
     "plans": (
         compare_plans,
-        {"photos": ("astronaut", "chelsea", "coffee"), "seeds": (0, 1, 2), "strokes": 200, "rows": 256, "colors": 12},
+        {"photos": ("astronaut", "cat", "coffee"), "seeds": (0, 1, 2), "strokes": 200, "rows": 256, "colors": 12},
     ),
     "paintings": (compare_paintings, {"photos": FOUR, "seeds": (0,)}),
     "dips": (compare_dips, {"photos": FOUR, "seeds": (0,)}),
 }
 QUICK: dict[str, dict[str, Any]] = {
-    "plans": {"photos": ("chelsea",), "seeds": (0,), "efforts": (0.02, 0.04), "strokes": 6, "rows": 48, "colors": 2},
+    "plans": {"photos": ("cat",), "seeds": (0,), "efforts": (0.02, 0.04), "strokes": 6, "rows": 48, "colors": 2},
     "paintings": {"photos": ("coffee",), "seeds": (0,), "strokes": 6},
-    "dips": {"photos": ("chelsea",), "seeds": (0,)},
+    "dips": {"photos": ("cat",), "seeds": (0,)},
 }
 
 

@@ -13,7 +13,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-import skimage.data
 import torch
 from rich.console import Console
 from rich.table import Table as TerminalTable
@@ -25,6 +24,7 @@ from frida_painter.brush.table import StrokeTable, cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
+from frida_painter.lab import targets
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
@@ -110,9 +110,8 @@ def publish(tables: Sequence[Table], figures: object, options: argparse.Namespac
 
 
 def photograph(name: str) -> Tensor:
-    """One of scikit-image's photographs as sRGB [3, H, W] in [0, 1]."""
-    pixels: np.ndarray = getattr(skimage.data, name)()
-    return torch.from_numpy(np.ascontiguousarray(pixels[..., :3])).permute(2, 0, 1).float() / 255
+    """One of the laboratory's photographs as sRGB [3, H, W] in [0, 1]."""
+    return images.load(Path(targets.__file__).with_name(f"{name}.jpg"))
 
 
 def canvas_like(picture: Tensor) -> CanvasSize:

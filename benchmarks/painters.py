@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from skimage import data
 
 import frida_painter as fp
 from frida_painter.brush.weights import load_models_of
+from frida_painter.lab import targets
 from frida_painter.plan import Plan
 from frida_painter.report.painters import Painters, find_painters
 from frida_painter.runs.run import PaintingRun
@@ -30,7 +30,7 @@ from frida_painter.virtual.tabletop import Table
 
 STROKES, PAUSES, OF_PERSON = 40, (14, 28), 4
 CANVAS = "20x15cm"
-GOALS = ("coffee", "chelsea", "astronaut", "rocket", "camera")
+GOALS = ("coffee", "cat", "astronaut", "rocket", "cameraman")
 
 
 def draw(random: np.random.Generator, wells: int) -> PenStroke:
@@ -53,9 +53,9 @@ def draw(random: np.random.Generator, wells: int) -> PenStroke:
 def paint(seed: int, folder: Path, strokes: int = STROKES) -> Painters:
     """Paints one painting with a simulated person; returns who painted what, as it is found."""
     pauses = [round(strokes * each / STROKES) for each in PAUSES]
-    picture = getattr(data, GOALS[seed % len(GOALS)])()
     goal = folder.with_suffix(".png")
-    Image.fromarray(picture).convert("RGB").resize((160, 120)).save(goal)
+    photograph = Path(targets.__file__).with_name(f"{GOALS[seed % len(GOALS)]}.jpg")
+    Image.open(photograph).resize((160, 120)).save(goal)
     spec = fp.RunSpec.of(
         goal=[{"image": str(goal)}], canvas=CANVAS, fit="crop", strokes=strokes, colors=4, replans=3, brush="medium",
         layers=1, render_height=96, effort=0.1, seed=seed,

@@ -56,7 +56,7 @@ def paint(photo: Path, folder: Path, settings: list[str], name: str, environment
 
 def main() -> None:
     parser = arguments(__doc__)
-    parser.add_argument("--picture", default="chelsea")
+    parser.add_argument("--picture", default="cat")
     parser.add_argument("--strokes", type=int, default=300)
     parser.add_argument("--colors", type=int, default=12)
     parser.add_argument("--replans", type=int, default=4)

@@ -38,7 +38,7 @@ from frida_painter.planning.settings import PlannerSettings
 from frida_painter.strokes import Strokes
 from measure import Table, arguments, blank_problem, broad_brush, canvas_like, cpu_seconds, photograph, psnr, publish
 
-PICTURES = ("astronaut", "chelsea", "coffee")
+PICTURES = ("astronaut", "cat", "coffee")
 MOVING, PROPOSALS = 0.15, 24
 SAFETY = 0.97  # so that the last of the planned iterations lie inside the budget
 

@@ -27,7 +27,7 @@ from measure import Table, arguments, broad_brush, canvas_like, cpu_seconds, pho
 
 def main() -> None:
     parser = arguments(__doc__)
-    parser.add_argument("--picture", default="chelsea")
+    parser.add_argument("--picture", default="cat")
     parser.add_argument("--strokes", type=int, default=300)
     parser.add_argument("--colors", type=int, default=12)
     parser.add_argument("--repeats", type=int, default=3)

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from skimage import data
 
 from frida_painter import compiled
 from frida_painter.compiled import LOOPS, LoopCompiler, await_loops
+from support import data
 
 SOURCES = Path(compiled.__file__).parent
 

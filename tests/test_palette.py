@@ -1,23 +1,27 @@
 import math
 
+import cv2
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from skimage import color as skimage_color
 
 from frida_painter.errors import ConfigError
-from frida_painter.palette import Palette, from_lab, to_hex, to_lab
+from frida_painter.palette import Palette, ciede2000, from_lab, to_hex, to_lab
 
 
 def random_colors(count: int, seed: int) -> torch.Tensor:
     return torch.rand(count, 3, generator=torch.Generator().manual_seed(seed))
 
 
+def lab_of_opencv(colors: torch.Tensor) -> torch.Tensor:
+    return torch.from_numpy(cv2.cvtColor(colors[None].numpy(), cv2.COLOR_RGB2Lab)[0])
+
+
 @given(st.integers(0, 2**31))
 def test_lab_is_the_cie_lab_of_another_library_and_comes_back(seed: int) -> None:
     colors = random_colors(50, seed)
-    assert torch.allclose(to_lab(colors), torch.from_numpy(skimage_color.rgb2lab(colors.numpy())).float(), atol=0.6)
+    assert torch.allclose(to_lab(colors), lab_of_opencv(colors), atol=0.6)
     assert torch.allclose(from_lab(to_lab(colors)), colors, atol=8e-3)
 
 
@@ -80,3 +84,28 @@ def test_a_color_outside_srgb_is_refused(value: float) -> None:
 
 def test_hex() -> None:
     assert to_hex(torch.tensor([1.0, 0.5, 0.0])) == "#ff8000"
+
+
+PAIRS = (  # of Sharma, Wu and Dalal, 2005, table 1
+    ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
+    ((50.0, -1.3802, -84.2814), (50.0, 0.0, -82.7485), 1.0),
+    ((50.0, 0.0, 0.0), (50.0, -1.0, 2.0), 2.3669),
+    ((50.0, 2.49, -0.001), (50.0, -2.49, 0.0009), 7.1792),
+    ((50.0, 2.49, -0.001), (50.0, -2.49, 0.0011), 7.2195),
+    ((50.0, -0.001, 2.49), (50.0, 0.0009, -2.49), 4.8045),
+    ((50.0, -0.001, 2.49), (50.0, 0.0011, -2.49), 4.7461),
+    ((50.0, 2.5, 0.0), (50.0, 0.0, -2.5), 4.3065),
+    ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
+    ((50.0, 2.5, 0.0), (56.0, -27.0, -3.0), 31.9030),
+    ((60.2574, -34.0099, 36.2677), (60.4626, -34.1751, 39.4387), 1.2644),
+    ((22.7233, 20.0904, -46.6940), (23.0331, 14.9730, -42.5619), 2.0373),
+    ((90.9257, -0.5406, -0.9208), (88.6381, -0.8985, -0.7239), 1.5381),
+    ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
+)
+
+
+def test_differences_are_those_that_the_authors_of_the_formula_published() -> None:
+    one, other, published = (torch.tensor(part, dtype=torch.float64) for part in zip(*PAIRS, strict=True))
+    torch.testing.assert_close(ciede2000(one, other), published, rtol=0, atol=5e-5)
+    torch.testing.assert_close(ciede2000(other, one), published, rtol=0, atol=5e-5)
+    assert ciede2000(one[:, None], other[None]).shape == (len(PAIRS), len(PAIRS))

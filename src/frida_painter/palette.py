@@ -225,9 +225,39 @@ def difference(one: Tensor, other: Tensor) -> Tensor:
 def ciede2000(one: Tensor, other: Tensor) -> Tensor:
     """Returns CIEDE2000 with all weights 1 between CIE L*a*b* colours: [..., 3] and [..., 3] -> [...].
 
-    Not differentiable.
+    G. Sharma, W. Wu, E. Dalal, "The CIEDE2000 color-difference formula", 2005. Not differentiable.
     """
-    from skimage.color import deltaE_ciede2000
-
     pair = (lab.detach().cpu().numpy() for lab in torch.broadcast_tensors(one, other))  # type: ignore[no-untyped-call]
-    return torch.from_numpy(np.asarray(deltaE_ciede2000(*pair))).to(one)
+    (light, red, yellow), (light_2, red_2, yellow_2) = (np.moveaxis(lab, -1, 0) for lab in pair)
+    wide = 1 + 0.5 * (1 - _share_of_chroma(0.5 * (np.hypot(red, yellow) + np.hypot(red_2, yellow_2))))
+    chroma, hue = np.hypot(red * wide, yellow), _turn(np.arctan2(yellow, red * wide))
+    chroma_2, hue_2 = np.hypot(red_2 * wide, yellow_2), _turn(np.arctan2(yellow_2, red_2 * wide))
+    is_grey, middle = chroma * chroma_2 == 0, 0.5 * (chroma + chroma_2)
+
+    apart, total = hue_2 - hue, hue + hue_2
+    shorter = np.where(apart > np.pi, apart - 2 * np.pi, np.where(apart < -np.pi, apart + 2 * np.pi, apart))
+    across = np.where(total < 2 * np.pi, total + 2 * np.pi, total - 2 * np.pi)
+    mean = np.where(is_grey, total, 0.5 * np.where(np.abs(apart) > np.pi, across, total))
+
+    lift = (0.5 * (light + light_2) - 50) ** 2
+    by_light = (light_2 - light) / (1 + 0.015 * lift / np.sqrt(20 + lift))
+    by_chroma = (chroma_2 - chroma) / (1 + 0.045 * middle)
+    weight = 1 - 0.17 * np.cos(mean - np.deg2rad(30)) + 0.24 * np.cos(2 * mean)
+    weight = weight + 0.32 * np.cos(3 * mean + np.deg2rad(6)) - 0.20 * np.cos(4 * mean - np.deg2rad(63))
+    by_hue = 2 * np.sqrt(chroma * chroma_2) * np.sin(shorter / 2) / (1 + 0.015 * middle * weight)  # 0 for grey
+    blue = np.deg2rad(30) * np.exp(-(((np.rad2deg(mean) - 275) / 25) ** 2))
+    squared = by_light**2
+    for part in (by_chroma**2, by_hue**2, -np.sin(2 * blue) * 2 * _share_of_chroma(middle) * by_chroma * by_hue):
+        squared += part  # in the precision of the colours
+    return torch.from_numpy(np.asarray(np.sqrt(np.maximum(squared, 0)))).to(one)
+
+
+def _share_of_chroma(chroma: NDArray[Any]) -> NDArray[Any]:
+    """Returns the saturation of the formula: 0 for grey, near 1 for vivid colours."""
+    seventh = chroma**7
+    return np.asarray(np.sqrt(seventh / (seventh + 25**7)))
+
+
+def _turn(angle: NDArray[Any]) -> NDArray[Any]:
+    """Returns angles in radians in [0, 2 pi)."""
+    return (angle + np.where(angle < 0, 2 * np.pi, 0)).astype(angle.dtype)

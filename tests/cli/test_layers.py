@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 from PIL import Image
-from skimage import data
 
 from frida_painter.event_log import EventLog
 from killing import ForkedCommand, kill_when
 from session.easel_errands import until
+from support import data
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
 

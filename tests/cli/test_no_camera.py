@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from skimage import data
 
 from frida_painter.cli import commands
 from frida_painter.event_log import EventLog
@@ -18,6 +17,7 @@ from killing import began, kill_when
 from machines.bench import tell_zero
 from machines.grbl import GRBL, QUICK, GrblController
 from machines.simulated_time import Living
+from support import data
 
 SMALL = ("--render-height", 64, "--effort", 0.05, "--brush", "fine", "--colors", 1, "--strokes", 5)
 BLIND = ("--workspace", "easel.toml", "--camera", "none")

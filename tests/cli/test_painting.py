@@ -12,13 +12,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from PIL import Image
-from skimage import data
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
 from frida_painter.hardware.workcell import example
 from frida_painter.plan import Plan
 from killing import ForkedCommand
+from support import data
 
 Run = Callable[..., str]
 SMALL = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine")

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
-from skimage import data
 
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
@@ -26,6 +25,7 @@ from frida_painter.session.journal import History
 from killing import kill_when
 from machines.grbl import GRBL, GRBLHAL, QUICK, GrblController
 from machines.simulated_time import Living
+from support import data
 
 SIZE = (120, 160)  # rows, columns of a photograph
 SMALL = ("--render-height", 64, "--effort", 0.05, "--brush", "fine", "--colors", 1, "--strokes", 4, "--replans", 0)

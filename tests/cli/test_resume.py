@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from skimage import data
 
 from frida_painter import storage
 from frida_painter.cli import commands
@@ -19,6 +18,7 @@ from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
 from frida_painter.session.journal import History
 from killing import began, kill_when
+from support import data
 
 STROKES = 10
 SMALL = (

@@ -5,10 +5,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from skimage import data
 
 from frida_painter import images
 from frida_painter.cli import commands
+from support import data
 
 pytest.importorskip("mink")
 SMALL = ("--render-height", "64", "--effort", "0.05", "--strokes", "4", "--colors", "1", "--robot", "sawyer-sim")

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
-from skimage import data
 
 from frida_painter.easel.kinds import STOP_FILE
 from frida_painter.hardware.latch import latches
 from killing import ForkedCommand
 from session.easel_errands import moves, until
+from support import data
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
 

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from skimage import data
 
 from frida_painter import images
 from frida_painter.brush.kinds import StrokeFunction, brush_kind
@@ -33,6 +32,7 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import looks_on_the_way, parse_replan_policy
 from plugins import OWN_PARTS, install_own_parts
 from session.easel_errands import easel_of, stroke
+from support import data
 
 SIZE = (120, 160)  # rows, columns of a photograph
 # Stands for rpicam-still: photographs a bare canvas on a dark table, with noise, into the file after -o.

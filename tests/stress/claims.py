@@ -47,7 +47,7 @@ def test_looking_beats_painting_blindly_where_the_robot_stands_off() -> None:
     """Measured with five seeds and photographs of 1200 x 1600 pixels: 0.0187 to 0.0228 of squared error blindly.
 
     With looks 0.0099 to 0.0113; the ratio is 0.46 to 0.54, and 0.50 on average. With these small photographs and seeds
-    0 and 1 it is 0.58 and 0.50. With astronaut and chelsea as well, at effort 0.3 and three seeds each, it is 0.35 to
+    0 and 1 it is 0.58 and 0.50. With astronaut and cat as well, at effort 0.3 and three seeds each, it is 0.35 to
     0.51. Most of it comes from learning where strokes land: with looks that plan again but do not correct the robot the
     ratio is 0.84 to 1.08 (0.94 on average), because the dark strokes of the end cannot repair what the ones before have
     smeared.

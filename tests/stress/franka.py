@@ -23,7 +23,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from skimage import data
 
 from frida_painter.brush.kinds import stroke_path
 from frida_painter.calibration import Calibration
@@ -37,6 +36,7 @@ from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.virtual.bristles import find_brush
+from support import data
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import contextlib

@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import cache
 
 import torch
-from skimage import data
 from torch import Tensor
 
 from frida_painter import images
@@ -29,6 +28,7 @@ from frida_painter.session.progress import Painting
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from support import data
 from support.planning import plain
 
 CANVAS = CanvasSize(0.20, 0.16)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from skimage import data
 from torch import Tensor
 
 from frida_painter.brush.kinds import Dip, brush_kind
@@ -29,6 +28,7 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from support import data
 from support.planning import plain
 
 CANVAS = CanvasSize(0.12, 0.09)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
@@ -13,6 +13,7 @@ from torch.nn import functional
 from frida_painter import images
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.objectives.faces import Face, faces
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.pixel_loss import rise, spread
@@ -21,59 +22,9 @@ if TYPE_CHECKING:
     from frida_painter.objectives.encoders.vgg import Hed
 
 
-# Faces in a picture
-#
-# Viewers look at faces first and judge their likeness. The detector is a cascade of local binary patterns from
-# scikit-image (P. Viola, M. Jones, "Rapid object detection using a boosted cascade of simple features", 2001; S.
-# Liao et al., "Learning multi-scale block local binary patterns for face recognition", 2007). It finds faces that
-# look at the camera, in photographs.
-
-_LONGEST = 320  # longer side in pixels of the searched picture
-_SMALLEST = 24  # pixels of a face: about the width of a broad stroke on a canvas of 14 inches
-_LIKE_SIZED = 0.6  # smallest size relative to the largest face; much smaller finds are mostly wrong
-_VOTES = 12  # windows about a face that must agree; tissue and cells had up to 7
 _MORE = 6.0  # additional importance inside a face
 _AROUND = 1.25  # times its box: includes hair and chin
 _SOFT = 0.25  # share of the radius over which the importance falls off
-
-
-class Face(NamedTuple):
-    """Place of a face: its centre, height and width, as shares of the picture's height and width."""
-
-    row: float
-    column: float
-    height: float
-    width: float
-
-
-def faces(picture: Tensor) -> list[Face]:
-    """Returns the faces in a picture, sRGB [3, H, W], largest first."""
-    from skimage import data
-    from skimage.feature import Cascade
-
-    rows, columns = (max(1, round(side * _LONGEST / max(picture.shape[1:]))) for side in picture.shape[1:])
-    if min(rows, columns) < _SMALLEST:
-        return []
-    seen = (images.fit(picture, rows, columns).permute(1, 2, 0) * 255).round().byte().cpu().numpy()
-    found = Cascade(data.lbp_frontal_face_cascade_filename()).detect_multi_scale(
-        img=seen,
-        scale_factor=1.1,
-        step_ratio=1,
-        min_size=(_SMALLEST, _SMALLEST),
-        max_size=(min(rows, columns), min(rows, columns)),
-        min_neighbor_number=_VOTES,
-    )
-    boxes = sorted(found, key=lambda box: -box["width"])
-    boxes = [box for box in boxes if box["width"] >= _LIKE_SIZED * boxes[0]["width"]]
-    return [
-        Face(
-            (box["r"] + box["height"] / 2) / rows,
-            (box["c"] + box["width"] / 2) / columns,
-            box["height"] / rows,
-            box["width"] / columns,
-        )
-        for box in boxes
-    ]
 
 
 def importance_of(found: list[Face], rows: int, columns: int) -> Tensor:

@@ -5,13 +5,13 @@ from pathlib import Path
 import pytest
 import torch
 from PIL import Image
-from skimage import data
 
 import frida_painter as fp
 from frida_painter.errors import PlanError, TryFailed
 from frida_painter.lab.sweeps import runner as sweeps
 from frida_painter.lab.sweeps.runner import best_candidate, rank_plans
 from frida_painter.runs.settle import ground_of
+from support import data
 from sweep_engine import Here
 
 SMALL = {"strokes": 4, "canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}

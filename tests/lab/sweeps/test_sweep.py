@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 import torch
 from PIL import Image
-from skimage import data
 
 import frida_painter as fp
 from frida_painter import storage
@@ -25,6 +24,7 @@ from frida_painter.lab.sweeps.sweep_spec import SweepRun
 from frida_painter.plan import Plan
 from frida_painter.storage import PART
 from plugins import install
+from support import data
 from sweep_engine import Here
 
 sweeps_open_engine = sweeps.open_engine

@@ -58,16 +58,15 @@ def test_too_few_stages_are_refused() -> None:
 def test_published_weights_recognise_photographs(variant: int, side: int) -> None:
     name = f"efficientnet-lite{variant}"
     fetched(name)
-    from skimage import data
-
     from frida_painter import images
+    from support import data
 
     espresso, cats = 967, range(281, 286)
     network = EfficientNetLite(weights.tensors(name))
     with torch.no_grad():
         seen = [
             int(network.logits(images.fit(images.from_uint8(picture), side, side)[None]).argmax())
-            for picture in (data.coffee(), data.chelsea())
+            for picture in (data.coffee(), data.cat())
         ]
     assert seen[0] == espresso and seen[1] in cats
 

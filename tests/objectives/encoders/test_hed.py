@@ -36,7 +36,7 @@ def test_weights_of_another_network_are_refused(missing: str) -> None:
 
 
 def test_published_weights_find_the_rim_of_a_cup() -> None:
-    from skimage import data
+    from support import data
 
     fetched("hed")
     picture = images.fit(images.from_uint8(data.coffee()), 120, 180)
