@@ -13,8 +13,7 @@ import pytest
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
-from frida_painter.easel.host import encode_error as words_of
-from frida_painter.easel.parent import decode_error
+from frida_painter.easel.proxy import decode_error, encode_error
 from frida_painter.errors import (
     CameraError,
     FridaError,
@@ -191,7 +190,7 @@ def test_a_stop_in_the_middle_of_a_dip_is_told_as_what_it_was(tmp_path: Path, as
     moving.join(30)
     (error,) = told
     assert isinstance(error, RobotStopped) and error.asked is asked and "the stop file stop appeared" in str(error)
-    again = decode_error(words_of(error))
+    again = decode_error(encode_error(error))
     assert isinstance(again, RobotStopped) and again.asked is asked and str(again) == str(error)
     with pytest.raises(RobotStopped):
         guard.home()

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter.easel.host import RobotLock
+from frida_painter.easel.lock import RobotLock
 from frida_painter.errors import RobotBusy, StorageError
 
 HOLD = """
 import sys, pathlib
-from frida_painter.easel.host import RobotLock
+from frida_painter.easel.lock import RobotLock
 lock = RobotLock(pathlib.Path(sys.argv[1]), "the arm")
 print("held", flush=True)
 sys.stdin.read()

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Procedure, Question, lead
-from frida_painter.easel.host import RobotLock
 from frida_painter.easel.kinds import state_folder
-from frida_painter.easel.open import lock_path, machines, make_robot
+from frida_painter.easel.lock import hold_machines
+from frida_painter.easel.open import machines, make_robot
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import RobotDisconnected, RobotError, WorkspaceViolation, ZeroUnknown
 from frida_painter.hardware.deadline import in_our_errors, within
@@ -90,8 +90,7 @@ def examine_robot(name: str, workspace: Workspace, *, compare: bool = True) -> E
         return None
     with ExitStack() as stack:
         order = EaselOrder(name, _SOME_CANVAS, ("broad",), 0, state_folder())
-        for identity in sorted(machines(order)):
-            stack.callback(RobotLock(lock_path(order.state, identity), identity).release)
+        hold_machines(stack, order.state, machines(order))
         found = in_our_errors(
             lambda: within(_PATIENCE, name, driver.examine),
             late=lambda: RobotDisconnected(

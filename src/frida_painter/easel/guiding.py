@@ -10,9 +10,9 @@ from contextlib import ExitStack
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.easel.host import RobotLock
 from frida_painter.easel.kinds import state_folder
-from frida_painter.easel.open import lock_path, machines, make_robot
+from frida_painter.easel.lock import hold_machines
+from frida_painter.easel.open import machines, make_robot
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, RobotStopped
 from frida_painter.hardware.latch import HOW_TO_ARM, latch_of
@@ -48,8 +48,7 @@ def guide_arm(
     order = EaselOrder(name, workcell.canvas, ("broad",), 0, state_folder())
     known = machines(order)
     with ExitStack() as stack:
-        for identity in sorted(known):
-            stack.callback(RobotLock(lock_path(order.state, identity), identity).release)
+        hold_machines(stack, order.state, known)
         latch = latch_of(order.state, workcell.easel, known)
         if (stopped := latch.read()) is not None:
             raise RobotStopped(f"{stopped}. It is not released before somebody has looked: {HOW_TO_ARM}")

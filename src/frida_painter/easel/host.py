@@ -21,104 +21,35 @@ from typing import Any, NoReturn
 
 import cv2
 import numpy as np
-import torch
-from filelock import FileLock, Timeout
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
 
 from frida_painter import storage
-from frida_painter.calibration import Calibration
-from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
-from frida_painter.easel.open import is_simulated, load_easel, lock_path, machines, open_easel
-from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.lock import hold_machines
+from frida_painter.easel.open import is_simulated, load_easel, machines, open_easel
+from frida_painter.easel.order import EaselFacts, EaselOrder
+from frida_painter.easel.proxy import encode_error, find_request
 from frida_painter.easel.watchdog import ENDED, MACHINE, SIMULATED, STOP, CpuActivity, StopFile, Watch
 from frida_painter.easel.wire import Wire
-from frida_painter.errors import FridaError, MotionFailed, RobotBusy, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.errors import FridaError, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import one_line
-from frida_painter.hardware.easel import Easel, Operator, PersonBrush, PersonCanvas, PersonStroke
+from frida_painter.hardware.easel import Operator
 from frida_painter.hardware.latch import HOW_TO_ARM, Unlatched, latch_of
-from frida_painter.hardware.robot import (
-    Camera,
-    LimitedRobot,
-    LiveCamera,
-    MotionReport,
-    PausableRobot,
-    Reach,
-    Robot,
-    TimedRobot,
-    Waypoints,
-    Workspace,
-    Zero,
-    ZeroedRobot,
-)
-from frida_painter.hardware.timing import AxisTiming, Timing
-from frida_painter.hardware.travel import TravelLimits
-from frida_painter.palette import Palette
-
-# One robot, one process: a lock that the system releases when its process ends for any reason.
-
-
-class RobotLock:
-    """Lock on a robot, held by this process until `release`.
-
-    Raises RobotBusy, with the id of the process that holds it, or StorageError if the file cannot be created.
-    The file remains, with the id of the last process that held the lock. The lock of a dead process is free.
-    """
-
-    def __init__(self, path: Path, robot: str) -> None:
-        # Only a lock of the system will do: a marker file would outlive a process that dies.
-        self._lock = FileLock(
-            path, mode=0o644, fallback_to_soft=False, preserve_lock_file=True, thread_local=False, on_acquired=_sign
-        )
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._lock.acquire(blocking=False)
-        except Timeout as error:
-            holder = _process(path)
-            whose = f"process {holder}" if holder else "another process"
-            raise RobotBusy(
-                f"{robot} is in use by {whose}; wait until that painting is done, or stop it first.", holder
-            ) from error
-        except OSError as error:
-            raise storage.cannot_write(path, error) from error
-
-    def release(self) -> None:
-        """Releases the lock."""
-        self._lock.release()
-
-
-def _sign(file: int) -> None:
-    with contextlib.suppress(OSError):  # the lock holds without the process id, too
-        os.ftruncate(file, 0)
-        os.pwrite(file, str(os.getpid()).encode(), 0)
-
-
-def _process(path: Path) -> int | None:
-    """Returns the process id in a lock file; None if there is none (yet)."""
-    try:
-        with path.open("rb") as file:
-            text = file.read(20)
-    except OSError:
-        return None
-    return int(text) if text.isdigit() else None
-
-
-Answer = tuple[dict[str, Any], dict[str, NDArray[Any]]]
+from frida_painter.hardware.robot import LiveCamera, Reach
 
 
 @dataclass(frozen=True)
 class Host:
-    """Server of an easel over a wire, with guarded robot and camera.
+    """Server of an easel over a wire, with guarded robot and camera. Its fields are the parts that requests name.
 
     reach: of the robot's arm, None if it is not asked for
     remarks: sentences for people, which go with the next answer
     """
 
-    robot: Robot
-    camera: Camera
+    robot: GuardedRobot
+    camera: GuardedCamera
     operator: Operator
     reach: Reach | None = None
     remarks: deque[str] = field(default_factory=deque)
@@ -135,109 +66,21 @@ class Host:
                     return True
                 answer, result = self._answer(words, arrays)
                 told = [self.remarks.popleft() for _ in range(len(self.remarks))]
-                wire.send({**answer, "remarks": told} if told else answer, result)
+                machines = sorted(self.robot.latch.machines)
+                wire.send({**answer, "remarks": told, "machines": machines}, result)
         except RobotDisconnected:
             return False
 
-    def _answer(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Answer:
+    def _answer(
+        self, words: Mapping[str, Any], arrays: dict[str, NDArray[Any]]
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         try:
-            return self._do(words, arrays)
+            request = find_request(words)
+            return request.answer(getattr(self, request.part), words["with"], arrays)
         except FridaError as error:
             return encode_error(error), {}
         except Exception as error:  # also of our own code: the painting process must hear of it
             return encode_error(RobotError(f"The easel's process could not do {words.get('do')!r} ({error!r}).")), {}
-
-    def _do(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Answer:
-        robot, camera, operator = self.robot, self.camera, self.operator
-        match words.get("do"):
-            case "robot.connect":
-                robot.connect()
-                return self._told(), {}
-            case "robot.zero":
-                return _zero(robot), {}
-            case "robot.find_zero" if isinstance(robot, ZeroedRobot):
-                robot.find_zero()
-            case "robot.jog" if isinstance(robot, ZeroedRobot):
-                robot.jog(arrays["step"])
-            case "robot.set_zero" if isinstance(robot, ZeroedRobot):
-                robot.set_zero(arrays["tip"])
-            case "robot.travel_limits":
-                told = robot.travel_limits() if isinstance(robot, LimitedRobot) else None
-                return {"limits": TypeAdapter(TravelLimits | None).dump_python(told)}, {}
-            case "robot.wants_pause":
-                return {"wanted": isinstance(robot, PausableRobot) and robot.wants_pause()}, {}
-            case "robot.home":
-                return _report(robot.home())
-            case "robot.pose":
-                return {}, {"pose": robot.pose()}
-            case "robot.follow":
-                cue = None if words.get("cue") is None else (str(words["cue"][0]), str(words["cue"][1]))
-                way = Waypoints(str(words["label"]), arrays["position"], float(words["speed"]), cue)
-                return _report(robot.follow(way))
-            case "robot.feels":
-                return {"feels": robot.feels() if isinstance(robot, GuardedRobot) else None}, {}
-            case "robot.touch" if isinstance(robot, GuardedRobot):
-                return _report(robot.touch(float(words["lowest"]), float(words["speed"])))
-            case "robot.close":
-                robot.close()
-            case "robot.reaches" if self.reach is not None:
-                found = self.reach.reachable(arrays["position"])
-                return {}, {"reachable": found.astype(np.uint8)}
-            case "camera.connect":
-                camera.connect()
-            case "camera.capture":
-                frame = camera.capture(float(words["newer_than"]))
-                return {"captured_at": frame.captured_at, "sequence": frame.sequence}, {"image": frame.image}
-            case "camera.close":
-                camera.close()
-            case "operator.fill_wells":
-                operator.fill_wells(Palette(torch.from_numpy(arrays["color"])))
-            case "operator.tone":
-                red, green, blue = map(float, words["ground"])
-                operator.tone((red, green, blue))
-            case "operator.change_brush":
-                operator.change_brush(str(words["brush"]))
-            case "operator.let_dry":
-                operator.let_dry(words["seconds"])
-            case "operator.paint_stroke" if isinstance(operator, PersonCanvas):
-                operator.paint_stroke(PersonStroke.of(words["stroke"]))
-            case "operator.lay_paper":
-                return {"done": operator.lay_paper()}, {}
-            case "operator.lay_checker":
-                return {"done": operator.lay_checker()}, {}
-            case "operator.take_checker_away":
-                return {"done": operator.take_checker_away()}, {}
-            case unknown:
-                raise RobotError(f"The easel's process was asked for {unknown!r}, which it does not know.")
-        return {}, {}
-
-    def _told(self) -> dict[str, Any]:
-        """Returns what a connected robot's controller told, as plain values."""
-        timing = self.robot.timing() if isinstance(self.robot, TimedRobot) else None
-        machines = sorted(self.robot.latch.machines) if isinstance(self.robot, GuardedRobot) else []
-        return {"timing": TypeAdapter(AxisTiming | None).dump_python(timing, mode="json"), "machines": machines}
-
-
-def _zero(robot: Robot) -> dict[str, Any]:
-    zero = robot.zero() if isinstance(robot, ZeroedRobot) else Zero()
-    return {"lost": zero.lost, "homes": zero.homes}
-
-
-def encode_error(error: FridaError) -> dict[str, Any]:
-    """Returns an error as plain values for the other end, which converts it back with `decode_error`."""
-    details: dict[str, Any] = {}
-    if isinstance(error, RobotBusy):
-        details = {"pid": error.pid}
-    elif isinstance(error, MotionFailed):
-        details = {"code": error.code, "waypoint": error.waypoint}
-    elif isinstance(error, RobotStopped):
-        details = {"asked": error.asked}
-    return {"error": type(error).__name__, "message": str(error), "details": details}
-
-
-def _report(report: MotionReport) -> Answer:
-    times = {"label": report.label, "started_at": report.started_at, "finished_at": report.finished_at}
-    return times, {"reached": np.asarray(report.reached, np.float64)}
 
 
 # The live picture: the camera's current picture in a file, renewed about once a second, for people to watch.
@@ -344,8 +187,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
     """Returns True if the painting process asked for the end. Raises a FridaError if the easel cannot be opened."""
     with ExitStack() as stack:
         known = machines(order)
-        for identity in sorted(known):
-            stack.callback(RobotLock(lock_path(order.state, identity), identity).release)
+        hold_machines(stack, order.state, known)
         opened = open_easel(order)
         stack.callback(opened.close)
         easel = opened.easel
@@ -359,7 +201,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
             patience=given.patience,
             grace=given.grace,
             connecting=given.connecting,
-            claim=lambda identity: stack.callback(RobotLock(lock_path(order.state, identity), identity).release),
+            claim=lambda identity: hold_machines(stack, order.state, {identity}),
         )
         if robot.stopped is not None:
             raise RobotStopped(f"{robot.stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")
@@ -392,8 +234,11 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
             looked=looked,
         )
         stack.callback(watch.dismiss)
-        limits_told = {"patience": given.patience, "grace": given.grace, "answer": given.answer}
-        wire.send({**_about(easel), "machines": sorted(known), "simulated": simulated, **limits_told})
+        facts = EaselFacts(
+            easel.workspace, easel.calibration, easel.canvas, easel.timing, simulated, easel.has_camera,
+            easel.person_brushes, easel.pace, easel.reach is not None, given.patience, given.grace, given.answer,
+        )  # fmt: skip
+        wire.send({"facts": facts.record(), "machines": sorted(known)})
         return host.serve(wire)
 
 
@@ -409,20 +254,6 @@ def _stop_if_unexpected(
     """Stops the robot if this process fails by itself, for example for lack of memory."""
     if error is not None and not isinstance(error, FridaError | SystemExit):
         robot.stop(f"the easel's process failed ({one_line(error)})")
-
-
-def _about(easel: Easel) -> dict[str, Any]:
-    """Returns the facts about the easel for the painting process, as plain values."""
-    return {
-        "workspace": TypeAdapter(Workspace).dump_python(easel.workspace, mode="json"),
-        "calibration": TypeAdapter(Calibration).dump_python(easel.calibration, mode="json"),
-        "canvas": TypeAdapter(CanvasSize).dump_python(easel.canvas, mode="json"),
-        "knows_reach": easel.reach is not None,
-        "has_camera": easel.has_camera,
-        "person_brushes": TypeAdapter(tuple[PersonBrush, ...]).dump_python(easel.person_brushes, mode="json"),
-        "pace": easel.pace,
-        "timing": TypeAdapter(Timing | AxisTiming | None).dump_python(easel.timing, mode="json"),
-    }
 
 
 if __name__ == "__main__":

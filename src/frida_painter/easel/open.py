@@ -4,10 +4,8 @@ A whole easel opens itself. A real robot stands with its camera in a workspace t
 through entry points (registry.py). Process, stop, latch and lock are the same for all.
 """
 
-import hashlib
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,11 +69,6 @@ def machines(order: EaselOrder) -> frozenset[str]:
     name = MachineName.of(order.robot)
     known = registry.parts(registry.ROBOTS).get(name.kind)
     return by_name(name) if known is None else known.load(RobotKind).identify(name)
-
-
-def lock_path(state: Path, name: str) -> Path:
-    """Returns the path of a machine's lock."""
-    return state / "locks" / f"{hashlib.sha256(name.encode()).hexdigest()[:16]}.lock"
 
 
 def _open_real(order: EaselOrder) -> OpenEasel:

@@ -1,4 +1,4 @@
-"""The order of an easel, as it goes to the easel's process."""
+"""The order of an easel, as it goes to the easel's process, and the facts that come back once it is open."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -7,8 +7,12 @@ from typing import Any, Self
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
+from frida_painter.hardware.easel import PersonBrush
+from frida_painter.hardware.robot import Workspace
+from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.virtual.faults import NO_FAULTS, Faults, PlacementError
 
 
@@ -60,3 +64,36 @@ class EaselOrder:
                 f"{'.'.join(map(str, fault['loc']))}: {fault['msg'].lower()}" for fault in error.errors()
             )
             raise ConfigError(f"The order of an easel is not as it must be ({faults}).") from error
+
+
+@dataclass(frozen=True)
+class EaselFacts:
+    """Facts about an open easel.
+
+    workspace to pace: as in hardware.easel.Easel
+    knows_reach: True if it tells the reach of the robot's arm
+    patience, grace: time limit of a motion, see easel.guard.GuardedRobot
+    answer: seconds after which a request without motion counts as unanswered
+    """
+
+    workspace: Workspace
+    calibration: Calibration
+    canvas: CanvasSize
+    timing: Timing | AxisTiming | None
+    simulated: bool
+    has_camera: bool
+    person_brushes: tuple[PersonBrush, ...]
+    pace: float
+    knows_reach: bool
+    patience: float
+    grace: float
+    answer: float
+
+    def record(self) -> dict[str, Any]:
+        """Returns the facts as plain values."""
+        return TypeAdapter(EaselFacts).dump_python(self, mode="json")
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> Self:
+        """Returns the facts from plain values."""
+        return TypeAdapter(cls).validate_python(record)

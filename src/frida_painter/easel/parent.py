@@ -13,34 +13,19 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
 
-from frida_painter import errors
-from frida_painter.calibration import Calibration
-from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import easel_kind
 from frida_painter.easel.launch import EaselLaunch
 from frida_painter.easel.open import is_simulated
-from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.order import EaselFacts, EaselOrder
+from frida_painter.easel.proxy import Remote, Request, decode_error, make_remote, requests
 from frida_painter.easel.watchdog import Pulse
 from frida_painter.easel.wire import Arrays, Wire
-from frida_painter.errors import (
-    FridaError,
-    MotionFailed,
-    RobotAbandoned,
-    RobotBusy,
-    RobotDisconnected,
-    RobotError,
-    RobotStopped,
-)
-from frida_painter.hardware.easel import Easel, PersonBrush, PersonStroke
+from frida_painter.errors import FridaError, RobotAbandoned, RobotDisconnected
+from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.latch import Latch, Unlatched, latch_of
-from frida_painter.hardware.robot import Frame, MotionReport, Sense, Waypoints, Workspace, Zero
-from frida_painter.hardware.timing import AxisTiming, Timing
-from frida_painter.hardware.travel import TravelLimits
-from frida_painter.palette import Palette
-
-# The link: robot, camera and operator of another process.
+from frida_painter.hardware.robot import Waypoints, Workspace
+from frida_painter.hardware.timing import AxisTiming
 
 # For a process that hangs as a whole; the guard in the easel's process gives up a driver earlier.
 _MARGIN = 10.0
@@ -51,8 +36,8 @@ _HOMING = 300.0
 _MAX_SILENCE = 10.0
 _LOOK_EVERY = 0.25
 _HEEDING, _WRITING = 1.0, 10.0  # within which a process that lives takes a stop, and a disk stores one
-_CONNECT, _CLOSE = "robot.connect", "robot.close"
-_END = "end"  # the process sends no heartbeats while it closes everything
+_CONNECT, _CLOSE = ("robot", "connect"), ("robot", "close")
+_END = None, "end"  # the process sends no heartbeats while it closes everything
 
 
 class LastStop:
@@ -124,34 +109,39 @@ class Link:
         self._turn = threading.Lock()
         self._broken: RobotDisconnected | None = None
 
+    def call(self, request: Request, arguments: Mapping[str, Any], within: float | None = None) -> Any:
+        """Returns the result of a request with its arguments by name; the rest is as in `ask`."""
+        answer, arrays = self.ask(*request.pack(arguments), within=within)
+        return request.result(answer, arrays)
+
     def ask(
-        self, do: str, arrays: Arrays | None = None, *, within: float | None = None, **words: object
-    ) -> tuple[Mapping[str, Any], Mapping[str, NDArray[Any]]]:
+        self, words: Mapping[str, Any], arrays: Arrays | None = None, *, within: float | None = None
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """Returns the answer of the easel's process to a request.
 
-        do: name of the request
-        arrays: sent with it
         within: seconds to wait; None for the link's patience
-        words: other plain values of the request
 
         Raises RobotDisconnected if there is no answer, and the errors that the easel reports.
         """
+        asked = words.get("part"), words["do"]
         with self._turn:
             if self._broken is not None:
                 raise self._broken.with_traceback(None)
-            if do == _CONNECT:
+            if asked == _CONNECT:
                 self.last.connected = True
             try:
-                self._wire.send({"do": do, **words}, arrays)
-                answer, result = self._answer(self.patience if within is None else within, listen=do != _END)
+                self._wire.send(words, arrays)
+                answer, result = self._answer(self.patience if within is None else within, listen=asked != _END)
             except RobotDisconnected as error:
                 self._broken = self._give_up(error)
                 raise self._broken from error
         for remark in answer.get("remarks", ()):
             self._tell(str(remark))
+        if self.last.latch is not None:
+            self.last.latch.machines = frozenset(answer.get("machines", self.last.latch.machines))
         if "error" in answer:
             raise decode_error(answer)
-        if do in (_CLOSE, _END):
+        if asked in (_CLOSE, _END):
             self.last.connected = False
         return answer, result
 
@@ -205,19 +195,20 @@ class Link:
         """
         try:
             if ask and self._broken is None:
-                self.ask(_END)
+                self.ask({"do": "end"})
         finally:
             self._wire.close()
             self.pulse.end()
 
 
-class RemoteRobot:
-    """Robot in the easel's process. Implements hardware.robot.Robot, ZeroedRobot, TimedRobot and PausableRobot.
+class RemoteRobot(Remote):
+    """Robot in the easel's process: knows how long a motion may take. `make_remote` adds all other requests.
 
     patience, grace: see easel.guard.GuardedRobot
     """
 
     def __init__(self, link: Link, workspace: Workspace, *, patience: float, grace: float) -> None:
+        super().__init__(lambda request, arguments: link.call(request, arguments, self._limit(request, arguments)))
         self._link, self._patience, self._grace = link, patience, grace
         self._across = np.array([workspace.lower, (*workspace.lower[:2], workspace.upper[2]), workspace.upper])
         self._travel_speed = workspace.travel_speed
@@ -226,176 +217,47 @@ class RemoteRobot:
 
     def connect(self) -> None:
         """Connects to the robot. Raises RobotError and its subclasses."""
-        told, _ = self._link.ask(_CONNECT)
-        if self._link.last.latch is not None:
-            self._link.last.latch.machines = frozenset(told["machines"])
-        self._timing = TypeAdapter(AxisTiming | None).validate_python(told.get("timing"))
+        self._ask(requests("robot")["connect"], {})
+        self._timing = self._ask(requests("robot")["timing"], {})
         self._held = 0.0 if self._timing is None else _HELD
 
     def timing(self) -> AxisTiming | None:
         """Returns the limits that the controller told at connection; None if it told none."""
         return self._timing
 
-    def travel_limits(self) -> TravelLimits | None:
-        """Returns the limits of its travel that the controller tells; None without. Raises RobotError."""
-        return TypeAdapter(TravelLimits | None).validate_python(self._link.ask("robot.travel_limits")[0]["limits"])
-
     def alive_at(self) -> float:
         """Returns -inf: the easel's process watches the controller."""
         return -math.inf
-
-    def zero(self) -> Zero:
-        """Returns what the machine knows of its zero. Raises RobotError and its subclasses."""
-        told, _ = self._link.ask("robot.zero")
-        return Zero(str(told["lost"]), told["homes"] is True)
-
-    def find_zero(self) -> None:
-        """Drives to the limit switches. Raises RobotError and its subclasses."""
-        self._link.ask("robot.find_zero", within=_HOMING + self._held + _MARGIN)
-
-    def jog(self, step: NDArray[np.float64]) -> None:
-        """Moves the tip by `step` [3] metres. Raises RobotError and its subclasses."""
-        self._link.ask("robot.jog", {"step": np.asarray(step, np.float64)}, within=_CALL + self._held + _MARGIN)
-
-    def set_zero(self, tip: NDArray[np.float64]) -> None:
-        """Declares that the tip stands at `tip` [3] (m). Raises RobotError and its subclasses."""
-        self._link.ask("robot.set_zero", {"tip": np.asarray(tip, np.float64)})
-
-    def wants_pause(self) -> bool:
-        """Returns True, once, if the board's pause button was pressed. Raises RobotError and its subclasses."""
-        return self._link.ask("robot.wants_pause")[0]["wanted"] is True
-
-    def home(self) -> MotionReport:
-        """Moves to the home position. Raises RobotError and its subclasses."""
-        return self._report("robot.home", self._seconds(self._across, self._travel_speed))
-
-    def pose(self) -> NDArray[np.float64]:
-        """Returns the position of the tip, [3] metres. Raises RobotError and its subclasses."""
-        return self._link.ask("robot.pose")[1]["pose"]
-
-    def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints. Raises RobotError and its subclasses."""
-        position = np.asarray(waypoints.position, np.float64)
-        path = (
-            np.concatenate([self._across, position]) if position.ndim == 2 and position.shape[1] == 3 else self._across
-        )
-        seconds = self._seconds(path, waypoints.speed) if waypoints.speed > 0 else 0.0
-        words = {"label": waypoints.label, "speed": float(waypoints.speed), "cue": waypoints.cue}
-        return self._report("robot.follow", seconds, {"position": position}, **words)
-
-    def feels(self) -> Sense | None:
-        """Returns how the robot feels a touch; None if it does not. Raises RobotError and its subclasses."""
-        sense: Sense | None = self._link.ask("robot.feels")[0]["feels"]
-        return sense
-
-    def touch(self, lowest: float, speed: float) -> MotionReport:
-        """Moves straight down until the brush touches something. Raises RobotError and its subclasses."""
-        seconds = self._seconds(self._across, speed) if speed > 0 else 0.0
-        return self._report("robot.touch", seconds, lowest=float(lowest), speed=float(speed))
 
     def stop(self) -> None:
         """Stops at once, over the separate line."""
         self._link.stop()
 
-    def close(self) -> None:
-        """Disconnects from the robot. Raises RobotError and its subclasses."""
-        self._link.ask(_CLOSE)
+    def _limit(self, request: Request, arguments: Mapping[str, Any]) -> float | None:
+        """Returns the seconds after which a request counts as unanswered; None for the link's patience."""
+        match request.method:
+            case "find_zero":
+                return _HOMING + self._held + _MARGIN
+            case "jog":
+                return _CALL + self._held + _MARGIN
+            case "home":
+                path, speed = self._across, self._travel_speed
+            case "follow":
+                way: Waypoints = arguments["waypoints"]
+                is_path = way.position.ndim == 2 and way.position.shape[1] == 3
+                path, speed = np.concatenate([self._across, way.position]) if is_path else self._across, way.speed
+            case "touch":
+                path, speed = self._across, arguments["speed"]
+            case _:
+                return None
+        seconds = self._seconds(path, speed) if speed > 0 else 0.0
+        return seconds * self._patience + self._grace + self._held + _MARGIN
 
     def _seconds(self, path: NDArray[np.float64], speed: float) -> float:
         """Returns the duration of a way, at most, from any place of the workspace."""
         if self._timing is None:
             return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / speed
         return self._timing.seconds(path, np.full(len(path) - 1, speed)) + self._timing.between
-
-    def _report(self, do: str, seconds: float, arrays: Arrays | None = None, **words: object) -> MotionReport:
-        within = seconds * self._patience + self._grace + self._held + _MARGIN
-        answer, result = self._link.ask(do, arrays, within=within, **words)
-        return MotionReport(answer["label"], answer["started_at"], answer["finished_at"], result["reached"])
-
-
-class RemoteReach:
-    """Reach of the arm in the easel's process. Implements hardware.robot.Reach."""
-
-    def __init__(self, link: Link) -> None:
-        self._link = link
-
-    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] (m) that the tip reaches: [k]."""
-        _, result = self._link.ask("robot.reaches", {"position": np.asarray(position, float)})
-        return result["reachable"].astype(np.bool_)
-
-
-class RemoteCamera:
-    """Camera in the easel's process. Implements hardware.robot.Camera."""
-
-    def __init__(self, link: Link) -> None:
-        self._link = link
-
-    def connect(self) -> None:
-        """Connects to the camera. Raises CameraError and its subclasses."""
-        self._link.ask("camera.connect")
-
-    def capture(self, newer_than: float) -> Frame:
-        """Returns a photograph taken after `newer_than` (s). Raises CameraError and its subclasses."""
-        answer, result = self._link.ask("camera.capture", newer_than=float(newer_than))
-        return Frame(result["image"], answer["captured_at"], answer["sequence"])
-
-    def close(self) -> None:
-        """Disconnects from the camera. Raises CameraError and its subclasses."""
-        self._link.ask("camera.close")
-
-
-class RemoteOperator:
-    """Operator in the easel's process. Implements hardware.easel.Operator."""
-
-    def __init__(self, link: Link) -> None:
-        self._link = link
-
-    def fill_wells(self, palette: Palette) -> None:
-        """Returns when well i holds paint i."""
-        self._link.ask("operator.fill_wells", {"color": palette.color.detach().cpu().numpy()})
-
-    def tone(self, ground: tuple[float, float, float]) -> None:
-        """Returns when the canvas is toned in that sRGB colour."""
-        self._link.ask("operator.tone", ground=list(ground))
-
-    def change_brush(self, brush: str) -> None:
-        """Returns when the brush of that name is in the holder."""
-        self._link.ask("operator.change_brush", brush=brush)
-
-    def let_dry(self, seconds: float) -> None:
-        """Returns when the paint has dried for `seconds`."""
-        self._link.ask("operator.let_dry", seconds=seconds)
-
-    def paint_stroke(self, stroke: PersonStroke) -> None:
-        """Returns when a person's stroke is on the canvas of a simulated easel. Raises ConfigError."""
-        self._link.ask("operator.paint_stroke", stroke=stroke.record())
-
-    def lay_paper(self) -> bool:
-        """Returns True if a fresh canvas is on the easel now."""
-        return bool(self._link.ask("operator.lay_paper")[0]["done"])
-
-    def lay_checker(self) -> bool:
-        """Returns True if the colour checker is in view of the camera now."""
-        return bool(self._link.ask("operator.lay_checker")[0]["done"])
-
-    def take_checker_away(self) -> bool:
-        """Returns True if the colour checker is gone."""
-        return bool(self._link.ask("operator.take_checker_away")[0]["done"])
-
-
-def decode_error(answer: Mapping[str, Any]) -> FridaError:
-    """Returns the error that the other end reported; a RobotError if its class is unknown."""
-    kind, message, details = getattr(errors, str(answer["error"]), None), str(answer["message"]), answer["details"]
-    if kind is RobotBusy:
-        return RobotBusy(message, details.get("pid"))
-    if kind is MotionFailed:
-        return MotionFailed(message, details.get("code"), details.get("waypoint"))
-    if kind is RobotStopped:
-        return RobotStopped(message, asked=details.get("asked") is True)
-    if isinstance(kind, type) and issubclass(kind, FridaError):
-        return kind(message)
-    return RobotError(message)
 
 
 # The virtual studio replays a diary of many thousand strokes before the easel is ready.
@@ -452,10 +314,11 @@ class EaselProcess:
         if "error" in about:
             raise decode_error(about)
         self._opened = True
-        self._link.patience = about["answer"]
+        facts = EaselFacts.of(about["facts"])
+        self._link.patience = facts.answer
         if is_simulated(order):  # a slow computer is not a fault
             self._link.most_silence = math.inf
-        easel = _easel(about, self._link)
+        easel = _easel(facts, self._link)
         kind, known_as = easel_kind(order.robot), easel.calibration.easel
         alive = kind is not None and (kind.simulated or kind.person)  # nothing of it moves by itself
         self._link.last.latch = Unlatched(known_as) if alive else latch_of(order.state, known_as, about["machines"])
@@ -495,19 +358,19 @@ class EaselProcess:
         return next((f" ({line})" for line in reversed(lines) if line.strip()), "")
 
 
-def _easel(about: dict[str, Any], link: Link) -> Easel:
-    workspace = TypeAdapter(Workspace).validate_python(about["workspace"])
+def _easel(facts: EaselFacts, link: Link) -> Easel:
+    limits = {"patience": facts.patience, "grace": facts.grace}
     return Easel(
-        robot=RemoteRobot(link, workspace, patience=about["patience"], grace=about["grace"]),
-        camera=RemoteCamera(link),
-        operator=RemoteOperator(link),
-        workspace=workspace,
-        calibration=TypeAdapter(Calibration).validate_python(about["calibration"]),
-        canvas=TypeAdapter(CanvasSize).validate_python(about["canvas"]),
-        reach=RemoteReach(link) if about["knows_reach"] else None,
-        timing=TypeAdapter(Timing | AxisTiming | None).validate_python(about["timing"]),
-        simulated=about["simulated"],
-        has_camera=about["has_camera"],
-        person_brushes=TypeAdapter(tuple[PersonBrush, ...]).validate_python(about["person_brushes"]),
-        pace=about["pace"],
+        robot=make_remote("robot", RemoteRobot)(link, facts.workspace, **limits),
+        camera=make_remote("camera")(link.call),
+        operator=make_remote("operator")(link.call),
+        workspace=facts.workspace,
+        calibration=facts.calibration,
+        canvas=facts.canvas,
+        reach=make_remote("reach")(link.call) if facts.knows_reach else None,
+        timing=facts.timing,
+        simulated=facts.simulated,
+        has_camera=facts.has_camera,
+        person_brushes=facts.person_brushes,
+        pace=facts.pace,
     )

@@ -24,7 +24,8 @@ Arrays = Mapping[str, NDArray[Any]]
 _LENGTHS = struct.Struct("<II")
 _MAX_WORDS = 2**20
 _MAX_BYTES = 2**28
-_KINDS = {kind: np.dtype(kind) for kind in ("|u1", "<f4", "<f8")}
+ARRAY_KINDS = ("|b1", "|u1", "<f4", "<f8")
+"""Kinds of numbers that arrays may have."""
 
 
 class Wire:
@@ -38,7 +39,7 @@ class Wire:
         self._sending = threading.Lock()
 
     def send(self, words: Mapping[str, Any], arrays: Arrays | None = None) -> None:
-        """Sends a JSON object and arrays of uint8, float32 or float64 of any shape. Raises RobotDisconnected."""
+        """Sends a JSON object and arrays of bool, uint8, float32 or float64 of any shape. Raises RobotDisconnected."""
         parts = {name: np.asarray(array, order="C") for name, array in (arrays or {}).items()}
         kinds = {name: [array.dtype.str, list(array.shape)] for name, array in parts.items()}
         head = json.dumps({**words, "arrays": kinds}).encode()
@@ -106,7 +107,9 @@ def _unpack(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> dict[str, NDAr
     for name, (kind, shape) in kinds.items():
         if not all(isinstance(length, int) and 0 <= length <= _MAX_BYTES for length in shape):
             raise ValueError(f"array {name} of shape {shape}")
-        dtype = _KINDS[kind]
+        if kind not in ARRAY_KINDS:
+            raise ValueError(f"array {name} of {kind}")
+        dtype = np.dtype(kind)
         end = start + math.prod(shape) * dtype.itemsize
         part = body[start:end]
         aligned = start % dtype.itemsize == 0

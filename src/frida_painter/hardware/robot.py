@@ -384,6 +384,17 @@ class TouchProbe(Protocol):
         """
 
 
+@runtime_checkable
+class Feeler(Protocol):
+    """Robot behind the guard that may feel a touch."""
+
+    def feels(self) -> Sense | None:
+        """Returns how the robot feels a touch; None if it does not."""
+
+    def touch(self, lowest: float, speed: float) -> MotionReport:
+        """Moves straight down until the brush touches something; as `TouchProbe`."""
+
+
 # Cameras: each gives a photograph that is newer than a given moment.
 
 

@@ -8,7 +8,7 @@ from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Annotated, Protocol, runtime_checkable
+from typing import Annotated
 
 import numpy as np
 from matplotlib import colormaps
@@ -24,7 +24,7 @@ from frida_painter.errors import CalibrationError, ConfigError, WorkspaceViolati
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
-from frida_painter.hardware.robot import MotionReport, Sense, Waypoints, Workspace
+from frida_painter.hardware.robot import Feeler, Sense, Waypoints, Workspace
 from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet
 
 POINTS = 3
@@ -42,17 +42,6 @@ HOW_IT_FEELS: Mapping[Sense, str] = {
     "force": "The arm can feel the canvas by itself, by its force; a soft brush with wet hairs must be in its hand.",
 }
 """Sentence for the person beside a robot that feels."""
-
-
-@runtime_checkable
-class Feeler(Protocol):
-    """Robot behind the guard that may feel a touch."""
-
-    def feels(self) -> Sense | None:
-        """Returns how the robot feels a touch; None if it does not."""
-
-    def touch(self, lowest: float, speed: float) -> MotionReport:
-        """Moves straight down until the brush touches something; see hardware.robot.TouchProbe."""
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.layout import Layout
 from frida_painter.hardware.motion import Motion
-from frida_painter.hardware.robot import Point, Sense, Waypoints, ZeroedRobot
-from frida_painter.procedures.surface import HOW_IT_FEELS, Feeler, feel, lower, surface
+from frida_painter.hardware.robot import Feeler, Point, Sense, Waypoints, ZeroedRobot
+from frida_painter.procedures.surface import HOW_IT_FEELS, feel, lower, surface
 from frida_painter.session.outline import plan_outlines
 from frida_painter.strokes import Strokes
 

@@ -24,7 +24,7 @@ from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.layout import Layout
 from frida_painter.hardware.preset import Preset, find_preset
-from frida_painter.procedures.surface import Feeler
+from frida_painter.hardware.robot import Feeler
 from frida_painter.procedures.workspace import (
     Bench,
     find_touch,
