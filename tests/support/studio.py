@@ -49,7 +49,7 @@ class Studio:
         self.store = PaintingStore(root)
         self.keys = Keys()
         self.presence = Presence()
-        self.easel = easel or WebAppEasel(self.store.calibration.path / "calibration.json")
+        self.easel = easel or WebAppEasel(self.store.job("calibration").path / "calibration.json")
         self.web = web_studio.Studio(self.store, self.easel, self.presence, makers=makers)
         self.app = application(self.web)
         self.served = add_middleware(self.app, self.keys, frozenset({HOST, "localhost:8350"}), "studio-8350")

@@ -670,7 +670,7 @@ def test_a_taught_stroke_can_be_chosen_and_another_one_is_refused(
     studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
 ) -> None:
     assert visitor.post("/api/teaching/start", json={"name": "hook", "marks": marks_of()}).status_code == 200
-    assert started == [("teach", 1)] and visitor.get("/api/teaching").json()["name"] == "hook"
+    assert started == [("teaching", 1)] and visitor.get("/api/teaching").json()["name"] == "hook"
     assert studio.visitor(Role.watch).post("/api/teaching/start", json={}).status_code == 403
     (studio.store.root / "families").mkdir()
     (studio.store.root / "families/hook.safetensors").write_bytes(b"")

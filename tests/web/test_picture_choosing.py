@@ -96,7 +96,7 @@ def make(studio: Studio, visitor: Visitor, stop: Stop | None = None, **more: Any
     (maker,) = studio.web.makers.by_label
     answer = visitor.post("/api/imagining/start", json={"words": "a red tower", "maker": maker, "seed": 3, **more})
     assert answer.status_code == 200, answer.text
-    folder = studio.store.imagining
+    folder = studio.store.job("imagining")
     feed = Feed(folder)
     try:
         imagine(folder, feed, stop or Stop())  # type: ignore[arg-type]
@@ -152,7 +152,7 @@ def test_a_maker_that_fails_is_one_sentence_on_the_page(tmp_path: Path, source: 
     studio = opened(tmp_path, program(tmp_path, source), minutes=minutes)
     sentence = make(studio, studio.visitor())
     assert says in sentence and "\n" not in sentence
-    assert not list((studio.store.imagining.path / "made").iterdir())
+    assert not list((studio.store.job("imagining").path / "made").iterdir())
 
 
 def test_a_service_that_answers_with_a_page_is_one_sentence_and_its_key_is_not_shown(
@@ -171,7 +171,7 @@ def test_a_stop_ends_the_making_alone(tmp_path: Path) -> None:
     with pytest.raises(StopPressed):
         make(studio, visitor, Stop(asked=True))
     assert visitor.post("/api/imagining/stop").status_code == 200
-    assert not studio.store.imagining.stop.exists(), "nothing is at work"
+    assert not studio.store.job("imagining").stop.exists(), "nothing is at work"
 
 
 @pytest.mark.parametrize(

@@ -18,10 +18,9 @@ from frida_painter.session.events import (
     events_of,
     record,
 )
-from frida_painter.web import studio_folder
+from frida_painter.web.jobs import PROCEDURES, Calibration, CalibrationRequest
 from frida_painter.web.painting_state import Truth
-from frida_painter.web.state import CalibrationState
-from frida_painter.web.studio_folder import CalibrationRequest, Feed, WorkerLock
+from frida_painter.web.studio_folder import Feed, WorkerLock
 from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.workers import WorkerSlot
 from support.studio import Studio, order
@@ -37,15 +36,15 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_the_page_knows_the_procedures_that_there_are() -> None:
-    assert studio_folder.PROCEDURES == calibration.PROCEDURES
+    assert PROCEDURES == calibration.PROCEDURES
 
 
 def test_calibrating_begins_and_its_questions_are_answered(tmp_path: Path, started: list[str]) -> None:
     studio = Studio(tmp_path)
-    visitor, folder = studio.visitor(), studio.store.calibration
+    visitor, folder = studio.visitor(), studio.store.job("calibration")
     assert [each["dated"] for each in visitor.get("/api/calibration").json()["procedures"]] == [None] * 5
     assert visitor.post("/api/calibration/start", json={"what": ["canvas", "brush"]}).status_code == 200
-    assert started == ["calibrate"] and CalibrationRequest.load(folder).what == ("canvas", "brush")
+    assert started == ["calibration"] and CalibrationRequest.load(folder).what == ("canvas", "brush")
     Feed(folder).tell(Asked(QUESTION))
     (folder.live / "found-canvas.png").write_bytes(b"x")
     assert visitor.get("/api/calibration/files/found-canvas.png").content == b"x"
@@ -92,7 +91,7 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
     same = order()
     assert first.post("/api/calibration/start", json=asked, headers=same).status_code == 200
     assert "already" in first.post("/api/calibration/start", json=asked, headers=same).json()["sentence"]
-    lock = WorkerLock(studio.store.calibration)
+    lock = WorkerLock(studio.store.job("calibration"))
     assert lock.take()
     led = second.post("/api/calibration/start", json=asked)
     lock.release()
@@ -103,7 +102,7 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
     assert second.post("/api/stop").status_code == 200, "whoever may look may stop"
     assert second.post("/api/lead").status_code == 200
     assert second.post("/api/calibration/start", json=asked).status_code == 200
-    assert started == ["calibrate"] * 2
+    assert started == ["calibration"] * 2
 
 
 def told_of(stands: list[dict[str, Any]]) -> list[Written]:
@@ -115,7 +114,7 @@ def told_of(stands: list[dict[str, Any]]) -> list[Written]:
 
 
 def test_what_is_found_is_followed() -> None:
-    state = CalibrationState()
+    state = Calibration()
     stands = [{"name": "robot", "dated": "d", "fault": "f", "old": True}]
     for told in map(record, told_of(stands)):
         for event in events_of(told):

@@ -19,8 +19,8 @@ from frida_painter.runs.machine_setup import STEPS
 from frida_painter.session.events import Answered, Asked, Failed, Remark
 from frida_painter.session.setup_events import SetupLeft, SetupStarted, SetupStepBegan
 from frida_painter.web.commands import Role
+from frida_painter.web.jobs import SETUP_STEPS, Setup, SetupRequest
 from frida_painter.web.painting_state import Truth
-from frida_painter.web.setup_progress import SETUP_STEPS, SetupProgress, SetupRequest
 from frida_painter.web.studio_folder import Feed, WorkerLock
 from frida_painter.web.workers import WorkerSlot
 from machines.grbl import router
@@ -51,7 +51,7 @@ def test_nothing_is_set_up_unless_somebody_stands_beside_the_machine(tmp_path: P
     assert refused.status_code == 409 and "beside the robot" in refused.json()["sentence"] and started == []
     studio.presence.press()
     assert visitor.post("/api/setup/start", json={"brush": "fine"}).status_code == 200 and started == ["setup"]
-    assert SetupRequest.load(studio.store.setup).brush == "fine"
+    assert SetupRequest.load(studio.store.job("setup")).brush == "fine"
     assert visitor.post("/api/setup/start", json={}).status_code == 409, "a confirmation is good for one thing"
     for role in (Role.watch, Role.plan):
         assert studio.visitor(role).post("/api/setup/start", json={}).status_code == 403
@@ -70,7 +70,7 @@ def test_an_order_that_cannot_be_is_refused(tmp_path: Path, started: list[str], 
 
 def test_questions_of_the_setup_are_answered_and_left(tmp_path: Path, started: list[str]) -> None:
     studio = Studio(tmp_path)
-    visitor, folder = studio.visitor(), studio.store.setup
+    visitor, folder = studio.visitor(), studio.store.job("setup")
     Feed(folder).tell(Asked(GUIDE))
     answer = {"question": GUIDE["id"]}
     assert visitor.post("/api/setup/answer", json={**answer, "settled": True}).status_code == 409, "nobody waits for it"
@@ -90,7 +90,7 @@ def test_questions_of_the_setup_are_answered_and_left(tmp_path: Path, started: l
 
 
 def test_its_state_follows_the_feed() -> None:
-    state = SetupProgress()
+    state = Setup()
     for event in (SetupStarted(), SetupStepBegan("touch"), Remark("Not so deep."), Asked(GUIDE)):
         state.hear(event)
     shown = state.to_plain(Truth(working=True))
@@ -108,7 +108,7 @@ def test_its_state_follows_the_feed() -> None:
 
 def test_a_page_that_follows_the_setup_is_a_sign_for_its_worker(tmp_path: Path) -> None:
     studio = Studio(tmp_path)
-    sign = studio.store.setup.followed
+    sign = studio.store.job("setup").followed
     for name, follows in (("calibration", False), ("setup", True)):
         topic = studio.web.topic(name)
         assert topic is not None

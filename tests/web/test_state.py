@@ -7,9 +7,8 @@ from hypothesis import strategies as st
 
 from frida_painter.session.events import Failed, Stopped, TeachingStarted, TouchCorrected, Written, events_of
 from frida_painter.session.setup_events import SetupStarted
+from frida_painter.web.jobs import Setup, Teaching
 from frida_painter.web.painting_state import PaintingState, Stage, Truth, tell_status
-from frida_painter.web.setup_progress import SetupProgress
-from frida_painter.web.teaching_progress import TeachingProgress
 
 AT_WORK, AT_REST = Truth(working=True), Truth(working=False)
 
@@ -240,13 +239,13 @@ def test_dips_into_each_well_are_counted_and_strokes_since_the_last() -> None:
 @pytest.mark.parametrize(
     ("state", "begun", "remedy"),
     [
-        (SetupProgress(), SetupStarted(), "Continue the setup."),
-        (TeachingProgress(), TeachingStarted("hook"), "Teach it again."),
+        (Setup(), SetupStarted(), "Continue the setup."),
+        (Teaching(), TeachingStarted("hook"), "Teach it again."),
     ],
     ids=["setup", "teaching"],
 )
 def test_a_process_that_ended_without_a_word_is_told_with_its_remedy(
-    state: SetupProgress | TeachingProgress, begun: Written, remedy: str
+    state: Setup | Teaching, begun: Written, remedy: str
 ) -> None:
     def trouble(truth: Truth) -> str:
         return str(state.to_plain(truth)["trouble"])

@@ -1,4 +1,4 @@
-// What the studio's server tells the page: web/painting_state.py, web/state.py, web/studio_folder.py; and what views get from main.js.
+// What the studio's server tells the page: web/painting_state.py, web/jobs.py, web/studio_folder.py; and what views get from main.js.
 
 interface Term { kind: string; picture?: string | null; words?: string | null; weight: number; crop?: number[] | null; made?: string | null }
 interface Wish {
@@ -32,7 +32,7 @@ type Command = { kind: "pause" | "go on" | "finish" | "look" | "free" } | { kind
 interface Strokes { height: number; paths: number[][][]; widths: number[]; paint: number[] }
 interface Ability { ready: boolean; missing: string[]; fetch: string[]; advice: string; label: string; verb: string; words: boolean } // web/web_studio.py
 interface Making { words: string; maker: string; pictures: { picture: string; seed: number }[]; best: number; rule: string; faults: string[] }
-interface ImaginingState { version: number; working: boolean; words: string; maker: string; progress: string; stopped: boolean; trouble: string; makings: Making[] } // web/picture_choosing.py
+interface ImaginingState { version: number; working: boolean; words: string; maker: string; progress: string; stopped: boolean; trouble: string; makings: Making[] } // web/jobs.py
 interface House {
   notice(sentence: string, label?: string, work?: () => void): void;
   attempt<T>(work: () => Promise<T>): Promise<T | undefined>;

@@ -45,48 +45,14 @@ from frida_painter.runs.proposing import (
     union_of,
 )
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import (
-    Answered,
-    Asked,
-    Considering,
-    Event,
-    PauseCause,
-    Paused,
-    PersonMayPaint,
-    ProcedureProgress,
-    Remark,
-    StrokePainted,
-    Turns,
-    WentOn,
-)
+from frida_painter.session import events, making_events, person_events
+from frida_painter.session.events import Event, PauseCause
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.making_events import MakingStarted, PicturesMade
-from frida_painter.session.person_events import PersonPaintShown, RegionProtected, RequestTaken
 from frida_painter.session.person_strokes import PenStroke
 from frida_painter.session.person_turns import FoundPaint
 from frida_painter.session.turn_policy import Keep, TurnTaken, answer_turn, find_turn_policy
-from frida_painter.web.commands import (
-    IN_A_PAUSE,
-    ROBOT_MOVES,
-    ChangeGoal,
-    Command,
-    CommandReader,
-    EndMaking,
-    FinishDrawing,
-    Free,
-    GivePicture,
-    GoOn,
-    LeaveOut,
-    LookAgain,
-    PaintStroke,
-    Pause,
-    Propose,
-    Protect,
-    TakeTurns,
-    command_of,
-    parse_answer,
-    to_plain,
-)
+from frida_painter.web import commands
+from frida_painter.web.commands import Command, CommandReader, command_of, parse_answer, to_plain
 from frida_painter.web.imaginer import show_pictures, without_folders
 from frida_painter.web.picture_choosing import MakingOrder
 from frida_painter.web.stop import StopWatch
@@ -125,14 +91,14 @@ class Asker:
             asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
         reader = LogReader(self.folder.replies)
         reader.read()  # earlier answers do not count
-        self.feed.tell(Asked({"id": number, **asked}))
+        self.feed.tell(events.Asked({"id": number, **asked}))
         followed, since = self._followed(), time.monotonic()
         while True:
             self.stop.heed()
             if (now := self._followed()) not in (followed, None):
                 followed, since = now, time.monotonic()
             elif self.may_leave and time.monotonic() - since > MAX_ABSENCE:
-                self.feed.tell(Answered())
+                self.feed.tell(events.Answered())
                 raise Interrupted(
                     f"No page was open for {MAX_ABSENCE / 60:.0f} minutes; what was done before is kept, and the "
                     "machine is free."
@@ -140,7 +106,7 @@ class Asker:
             for line in reader.read():
                 answer = parse_answer(line, number, asked)
                 if answer is not None:
-                    self.feed.tell(Answered())
+                    self.feed.tell(events.Answered())
                     return answer
             time.sleep(_BETWEEN_GLANCES)
 
@@ -187,6 +153,7 @@ def describe_question(question: SetupQuestion) -> dict[str, Any]:
             return {"kind": "address", "text": question.text, "port": question.port, "example": question.example}
 
 
+_AT_ONCE = commands.LeaveOut | commands.TakeTurns | commands.EndMaking  # these take no time
 _KEEP: dict[str, Keep] = {"welcome": "welcome", "protect": "protect"}
 _YOURS_STAYS = (
     "What you painted stays as it is in all of them. If it may be painted over, press Remove the protection, then ask "
@@ -220,7 +187,7 @@ class PauseController:
     look_at: Callable[[Path], None] = lambda picture: None
     ask: Callable[[SetupQuestion], Answer] = lambda question: False
     _commands: deque[Command] = field(default_factory=deque, init=False)
-    _game: TakeTurns = field(default_factory=lambda: TakeTurns(0), init=False)
+    _game: commands.TakeTurns = field(default_factory=lambda: commands.TakeTurns(0), init=False)
     _since_time: float = field(default=0.0, init=False)  # of the robot's current turn, monotonic seconds
     _answer: str = field(default="", init=False)  # sentence about the answer to the person's turn
     _conferring: bool = field(default=False, init=False)
@@ -229,8 +196,8 @@ class PauseController:
 
     def __post_init__(self) -> None:
         for told in FeedReader(self.folder.feed).read():
-            if isinstance(told, Turns):  # agreed on before the painting broke off
-                self._game = TakeTurns(told.strokes, told.minutes, told.policy, _KEEP[told.keep])
+            if isinstance(told, events.Turns):  # agreed on before the painting broke off
+                self._game = commands.TakeTurns(told.strokes, told.minutes, told.policy, _KEEP[told.keep])
         listener = CommandReader(self.folder, self.began)
 
         def listen() -> None:
@@ -241,21 +208,23 @@ class PauseController:
 
         threading.Thread(target=listen, daemon=True, name="commands").start()
 
-    def owe(self, request: dict[str, Any], proposed: PicturesMade | None) -> None:
+    def owe(self, request: dict[str, Any], proposed: making_events.PicturesMade | None) -> None:
         """Takes over what a person asked for before the painting broke off: it is done before the next stroke.
 
         If pictures were proposed, or are to be, the painting then waits until the person chooses one or goes on.
         """
         command = command_of(request)
         if command is not None:
-            self._commands.extend((command, *(() if isinstance(command, FinishDrawing | Propose) else (GoOn(),))))
+            self._commands.append(command)
+            if not isinstance(command, commands.FinishDrawing | commands.Propose):
+                self._commands.append(commands.GoOn())
         if proposed is not None:
             self.feed.tell(proposed)
         self._owes = command is not None or proposed is not None
 
     def hear(self, event: Event) -> None:
         """Counts strokes, for turns."""
-        if isinstance(event, StrokePainted):
+        if isinstance(event, events.StrokePainted):
             self._since += 1
 
     def pause_cause(self) -> PauseCause | None:
@@ -270,17 +239,17 @@ class PauseController:
             return "person"
         while self._commands:
             match self._commands.popleft():
-                case Pause():
+                case commands.Pause():
                     self._conferring = True  # until go_on
                     return "turn" if self._is_turn else "person"
-                case TakeTurns() as turns:
+                case commands.TakeTurns() as turns:
                     self._take_turns(turns)
-                case PaintStroke():  # the page refuses it too, but the painting may have gone on meanwhile
-                    self.feed.tell(Remark(ROBOT_MOVES))
-                case GoOn():
+                case commands.PaintStroke():  # the page refuses it too, but the painting may have gone on meanwhile
+                    self.feed.tell(events.Remark(commands.ROBOT_MOVES))
+                case commands.GoOn():
                     pass  # it went on already
                 case _:
-                    self.feed.tell(Remark(IN_A_PAUSE))
+                    self.feed.tell(events.Remark(commands.IN_A_PAUSE))
         return "turn" if self._is_turn else None
 
     @property
@@ -292,7 +261,7 @@ class PauseController:
         over = 0 < game.minutes <= (time.monotonic() - self._since_time) / 60 and self._since > 0
         return over or 0 < game.count <= self._since
 
-    def go_on(self, paused: Paused) -> bool:
+    def go_on(self, paused: events.Paused) -> bool:
         """Performs commands until the person lets the painting go on; returns False if the person stops it."""
         self._conferring = True
         try:
@@ -300,7 +269,7 @@ class PauseController:
         finally:
             self._conferring = False
 
-    def _confer(self, paused: Paused) -> bool:
+    def _confer(self, paused: events.Paused) -> bool:
         session = self.opened()
         if session is not None and paused.cause != "trouble":
             session.person.await_paint()
@@ -315,26 +284,28 @@ class PauseController:
                 if session is None or not session.is_button_pressed():
                     time.sleep(_BETWEEN_GLANCES)
                     continue
-                self._commands.append(GoOn())
+                self._commands.append(commands.GoOn())
             command = self._commands.popleft()
-            if isinstance(command, PaintStroke):
+            if isinstance(command, commands.PaintStroke):
                 self._paint(command, told)
                 continue
-            if isinstance(command, GoOn | FinishDrawing):
-                if isinstance(command, FinishDrawing):
+            if isinstance(command, commands.GoOn | commands.FinishDrawing):
+                if isinstance(command, commands.FinishDrawing):
                     self._note(command)
                 self._end_turn(command)
                 self._since, self._since_time = 0, time.monotonic()
-                self.feed.tell(WentOn())
+                self.feed.tell(events.WentOn())
                 self._tell_answer()
                 return True
             try:
-                if not isinstance(command, LeaveOut | TakeTurns | EndMaking):  # these take no time
+                if not isinstance(
+                    command, commands.LeaveOut | commands.TakeTurns | commands.EndMaking
+                ):  # these take no time
                     self._note(command)
-                    self.feed.tell(Considering())
+                    self.feed.tell(events.Considering())
                 self._do(command)
             except FridaError as trouble:
-                self.feed.tell(Remark(self._without_paths(str(trouble))))
+                self.feed.tell(events.Remark(self._without_paths(str(trouble))))
             with suppress(StorageError):
                 self._note(None)
             self.feed.tell(told)
@@ -342,12 +313,12 @@ class PauseController:
 
     def _note(self, command: Command | None) -> None:
         """Notes in the journal that a request is being done, or that nothing is. Raises StorageError."""
-        self._session.journal.tell(RequestTaken({} if command is None else to_plain(command)))
+        self._session.journal.tell(person_events.RequestTaken({} if command is None else to_plain(command)))
 
     def _tell_answer(self) -> None:
         """Says how the robot answers the person, once."""
         if self._answer:
-            self.feed.tell(Remark(self._answer))
+            self.feed.tell(events.Remark(self._answer))
         self._answer = ""
 
     def _tell_brushes(self) -> None:
@@ -355,25 +326,25 @@ class PauseController:
         session = self.opened()
         if session is not None and session.person.may_paint and session.person.wells is not None:
             wells = [to_hex(color) for color in session.person.wells.color]
-            self.feed.tell(PersonMayPaint([asdict(brush) for brush in session.hand.easel.person_brushes], wells))
+            self.feed.tell(events.PersonMayPaint([asdict(brush) for brush in session.hand.easel.person_brushes], wells))
 
-    def _paint(self, command: PaintStroke, told: Paused) -> None:
+    def _paint(self, command: commands.PaintStroke, told: events.Paused) -> None:
         """Paints a person's stroke; a refusal is told, and the pause goes on."""
         looks = not self._session.person.touched
         try:
             self._session.person.paint(PenStroke(command.brush, command.paint, command.points))
         except FridaError as trouble:
-            self.feed.tell(Remark(self._without_paths(str(trouble))))
+            self.feed.tell(events.Remark(self._without_paths(str(trouble))))
         if looks:
             self.feed.tell(told)
 
-    def _end_turn(self, command: GoOn | FinishDrawing) -> None:
+    def _end_turn(self, command: commands.GoOn | commands.FinishDrawing) -> None:
         """Answers a person who painted, or finishes a painting without a goal."""
         session = self.opened()
         if session is None:
             return
         try:
-            if isinstance(command, GoOn):
+            if isinstance(command, commands.GoOn):
                 self._answer_person(session)
             elif session.in_turns:
                 session.person.end_here()
@@ -392,8 +363,8 @@ class PauseController:
         found = None if person.touched else person.find_paint()
         if not person.touched and found is None:
             return
-        self.feed.tell(Considering())
-        if person.touched or session.in_turns or self._game != TakeTurns(0):
+        self.feed.tell(events.Considering())
+        if person.touched or session.in_turns or self._game != commands.TakeTurns(0):
             person.answer(self.adapt)
         elif found is not None:
             self._welcome_or_protect(session, found)
@@ -416,7 +387,7 @@ class PauseController:
         """Shows the canvas with a line around what a person painted."""
         name = f"found-{secrets.token_hex(12)}.jpg"
         images.save(found.outlined, self.folder.live / name)
-        self.feed.tell(PersonPaintShown(name, round(found.share, 5)))
+        self.feed.tell(person_events.PersonPaintShown(name, round(found.share, 5)))
 
     def _forbid(self, forbidden: NDArray[np.bool_]) -> None:
         """Forbids strokes on a part of the canvas [H, W], and notes and reports that; nothing is replanned."""
@@ -453,28 +424,28 @@ class PauseController:
     def _do(self, command: Command) -> None:
         session = self._session
         match command:
-            case LookAgain():
+            case commands.LookAgain():
                 session.look_again()
-            case GivePicture(picture):
+            case commands.GivePicture(picture):
                 self.look_at(self.folder.pictures / f"{picture}.png")
-            case LeaveOut(count):
+            case commands.LeaveOut(count):
                 rest = session.rest
                 session.paint_instead(rest.part(slice(max(0, len(rest) - count))))
-            case Protect(picture, only):
+            case commands.Protect(picture, only):
                 drawing = images.load(self.folder.pictures / f"{picture}.png")
                 session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
                 kept = keep_region(self.folder.painting, drawing)
-                self._tell_region(RegionProtected(kept, only, self._show_region(drawing)))
-            case Free():
+                self._tell_region(person_events.RegionProtected(kept, only, self._show_region(drawing)))
+            case commands.Free():
                 session.person.release()
                 session.planner = session.planner.keeping_clear(None)
-                self._tell_region(RegionProtected(None))
-            case ChangeGoal(request):
+                self._tell_region(person_events.RegionProtected(None))
+            case commands.ChangeGoal(request):
                 wanted = RunSpec.of(**request.goals(self.folder.pictures))
                 pursue(session, self.folder.painting, wanted, request.model_dump(mode="json"), self.feed.tell)
-            case Propose():
+            case commands.Propose():
                 self._propose(command)
-            case TakeTurns():
+            case commands.TakeTurns():
                 self._take_turns(command)
             case _:
                 pass  # the painting has paused already, or no picture is being made
@@ -485,7 +456,7 @@ class PauseController:
         assert session is not None, "there is no pause before the session is open"
         return session
 
-    def _tell_region(self, region: RegionProtected) -> None:
+    def _tell_region(self, region: person_events.RegionProtected) -> None:
         """Notes and reports a changed region, and replans the rest around it."""
         session = self._session
         session.note(region)
@@ -498,7 +469,7 @@ class PauseController:
         images.save(drawing, self.folder.live / shown)
         return shown
 
-    def _propose(self, command: Propose) -> None:
+    def _propose(self, command: commands.Propose) -> None:
         """Has pictures made that begin from the canvas, and shows them; what the person painted is protected first."""
         session, order = self._session, MakingOrder.load(self.folder)
         require_goal(session)
@@ -506,22 +477,22 @@ class PauseController:
         own = session.person.find_own_paint()
         if own is not None:
             self._forbid(union_of(session.planner.region, own))
-        self.feed.tell(MakingStarted(command.words, order.label))
+        self.feed.tell(making_events.MakingStarted(command.words, order.label))
         making = propose(
             session, self.folder.painting, command.words, order.maker, minutes=order.minutes,
-            stop_asked=self._must_end_making, tell=lambda sentence: self.feed.tell(ProcedureProgress(sentence)),
+            stop_asked=self._must_end_making, tell=lambda sentence: self.feed.tell(events.ProcedureProgress(sentence)),
         )  # fmt: skip
         shown = show_pictures(making, self.folder.live, secrets.token_hex(12))
         made = record_making(without_folders(making), order.label, self.folder.painting, shown)
         session.note(made)
         self.feed.tell(made)
         if own is not None:
-            self.feed.tell(Remark(_YOURS_STAYS))
+            self.feed.tell(events.Remark(_YOURS_STAYS))
 
     def _must_end_making(self) -> bool:
         """Returns True if the person ends the making of pictures, or all work; other commands wait."""
-        return self.stop.asked or EndMaking() in list(self._commands)
+        return self.stop.asked or commands.EndMaking() in list(self._commands)
 
-    def _take_turns(self, command: TakeTurns) -> None:
+    def _take_turns(self, command: commands.TakeTurns) -> None:
         self._game, self._since, self._since_time = command, 0, time.monotonic()
-        self.feed.tell(Turns(command.count, command.minutes, command.policy, command.keep))
+        self.feed.tell(events.Turns(command.count, command.minutes, command.policy, command.keep))

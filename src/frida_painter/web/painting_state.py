@@ -6,49 +6,13 @@ is at work on the painting, and if its files are there. Every view of the studio
 
 import shutil
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal, Self
+from datetime import datetime
+from typing import Any, Literal, Self, cast
 
 from frida_painter.easel.kinds import JOURNAL
-from frida_painter.session.events import (
-    Answered,
-    Asked,
-    BrushInHand,
-    Considering,
-    Dequeued,
-    Dipped,
-    Drying,
-    Failed,
-    Finishing,
-    LastLookDoubted,
-    LayerBegun,
-    LookShown,
-    Mixing,
-    PaintingKept,
-    PaintingStarted,
-    PauseCause,
-    Paused,
-    PersonMayPaint,
-    PhotographShown,
-    PlanMade,
-    PlanningProgress,
-    PlanPreview,
-    PlanRequested,
-    ProcedureProgress,
-    Queued,
-    Remark,
-    RestReplanned,
-    Stopped,
-    StrokeLeftOut,
-    StrokePainted,
-    TakenUp,
-    TimeLeft,
-    TouchCorrected,
-    Turns,
-    WentOn,
-    Written,
-)
-from frida_painter.session.making_events import MakingStarted, PicturesMade
-from frida_painter.session.person_events import GoalChanged, PersonPaintShown, PersonStrokePainted, RegionProtected
+from frida_painter.session import events, making_events, person_events
+from frida_painter.session.events import PauseCause, Written
+from frida_painter.web.pace import WorkTimes
 from frida_painter.web.studio_folder import PaintingFolder, working
 
 # Status of a painting: one function of its state and of the facts.
@@ -142,8 +106,10 @@ def _find_stage(state: "PaintingState", truth: Truth) -> Stage:
     if not truth.here:
         return "lost"
     if state.painting is not None:
-        known = truth.working or state.painting.status in _ENDS
-        return _STAGES[state.painting.status] if known else "failed"
+        status = state.painting.status
+        if not truth.working and status not in _ENDS:
+            return "failed"
+        return "replanning" if status == "planning" else cast(Stage, status)
     if state.queued:
         return "waiting" if state.queued == "plan" else "queued"
     found = _plan_statuses(state, truth)
@@ -248,7 +214,7 @@ class PaintState:
     remark: str = ""
     wish: dict[str, Any] | None = None
     making: str | None = None
-    proposed: PicturesMade | None = None
+    proposed: making_events.PicturesMade | None = None
     why: str = ""  # reason of the next look
     person: dict[str, Any] | None = None
     film: bool = False
@@ -266,6 +232,7 @@ class PaintingState:
     queued: "plan" or "paint" if this job waits in the studio's queue, else "".
     question: open question, in the form of web/painter.py.
     version: number that grows with every event.
+    times: what its work took.
     """
 
     plans: dict[int, PlanState] = field(default_factory=dict)
@@ -275,47 +242,50 @@ class PaintingState:
     queued: str = ""
     question: dict[str, Any] | None = None
     version: int = 0
+    times: WorkTimes = field(default_factory=WorkTimes)
 
-    def hear(self, event: Written) -> None:
-        """Updates the state by an event; other events change nothing."""
+    def hear(self, event: Written, at: datetime | None = None) -> None:
+        """Updates the state by an event, written at that time; other events change nothing."""
         self.version += 1
+        if at is not None:
+            self.times.hear(event, at)
         match event:
-            case PlanRequested(number, wish):
+            case events.PlanRequested(number, wish):
                 self._end_plans("stopped" if self.stopped else "failed")
                 self._forget_trouble()
                 self.plans[number] = PlanState(number, wish)
-            case PlanningProgress(plan=int(number)) | PlanPreview(plan=int(number)) | PlanMade(plan=number):
-                if number in self.plans:
-                    _hear_plan(self.plans[number], event)
-            case Queued(plan, job):
+            case events.PlanningProgress() | events.PlanPreview() | events.PlanMade() if event.plan is not None:
+                if event.plan in self.plans:
+                    _hear_plan(self.plans[event.plan], event)
+            case events.Queued(plan, job):
                 self.queued = job
                 if job == "plan" and plan in self.plans:
                     self.plans[plan].status = "waiting"
-            case Dequeued(plan, begun):
+            case events.Dequeued(plan, begun):
                 self.queued = ""
                 if plan in self.plans and self.plans[plan].status == "waiting":
                     self.plans[plan].status = "planning" if begun else "stopped"
-            case ProcedureProgress(words) if self.painting is None:
+            case events.ProcedureProgress(words) if self.painting is None:
                 for each in self.plans.values():
                     each.said = words if each.status == "planning" else ""
-            case Asked(question):
+            case events.Asked(question):
                 self.question = question
-            case Answered():
+            case events.Answered():
                 self.question = None
-            case PaintingStarted(plan, of):
+            case events.PaintingStarted(plan, of):
                 self._forget_trouble()
                 self.painting = PaintState(plan, of)
-            case Failed(reason):
+            case events.Failed(reason):
                 self.trouble = reason
                 self._end("failed")
-            case Stopped():
+            case events.Stopped():
                 self.stopped = True
                 self._end("stopped")
             case _ if self.painting is not None:
-                if isinstance(event, TakenUp):
+                if isinstance(event, events.TakenUp):
                     self._forget_trouble()
                 _hear_painting(self.painting, event)
-                if isinstance(event, PaintingKept) and self.stopped:
+                if isinstance(event, events.PaintingKept) and self.stopped:
                     self.painting.status = "stopped"
             case _:
                 pass
@@ -351,91 +321,91 @@ class PaintingState:
             self.painting.status = how
 
 
-def _hear_plan(plan: PlanState, event: PlanningProgress | PlanPreview | PlanMade) -> None:
+def _hear_plan(plan: PlanState, event: events.PlanningProgress | events.PlanPreview | events.PlanMade) -> None:
     match event:
-        case PlanningProgress(share, left):
+        case events.PlanningProgress(share, left):
             plan.share, plan.left, plan.said = share, left, ""
-        case PlanPreview(picture):
+        case events.PlanPreview(picture):
             plan.growing = picture
-        case PlanMade():
+        case events.PlanMade():
             plan.status, plan.share, plan.left, plan.nearer = "ready", 1.0, None, event.nearer
             plan.made = {name: getattr(event, name) for name in _MADE}
 
 
 def _hear_painting(painting: PaintState, event: Written) -> None:
     painting.status = _STATUS.get(type(event), painting.status)
-    if isinstance(event, LookShown | WentOn | RestReplanned):
+    if isinstance(event, events.LookShown | events.WentOn | events.RestReplanned):
         painting.remark = ""
-    if isinstance(event, Paused | WentOn | TakenUp):
-        painting.held, painting.making = isinstance(event, Paused), None
+    if isinstance(event, events.Paused | events.WentOn | events.TakenUp):
+        painting.held, painting.making = isinstance(event, events.Paused), None
     match event:
-        case ProcedureProgress(words):
+        case events.ProcedureProgress(words):
             painting.said = words
-        case TakenUp(done):
+        case events.TakenUp(done):
             painting.done, painting.film, painting.kept = done, False, False
-        case LayerBegun(brush=brush, first_paint=first):
+        case events.LayerBegun(brush=brush, first_paint=first):
             painting.brush, painting.first_paint, painting.paint = brush, first, None
-        case BrushInHand(brush):
+        case events.BrushInHand(brush):
             painting.brush = brush or ""
-        case Dipped(well):
+        case events.Dipped(well):
             paint = painting.first_paint + well
             painting.paint, painting.since_dip = paint, 0
             painting.dips[paint] = painting.dips.get(paint, 0) + 1
-        case Drying(left=seconds):
+        case events.Drying(left=seconds):
             painting.dries = seconds
-        case StrokePainted(done, of) | StrokeLeftOut(done, of):
+        case events.StrokePainted(done, of) | events.StrokeLeftOut(done, of):
             painting.done, painting.of = done, of or painting.of
-            painting.since_dip += isinstance(event, StrokePainted)
-        case TimeLeft(seconds):
+            painting.since_dip += isinstance(event, events.StrokePainted)
+        case events.TimeLeft(seconds):
             painting.left = seconds
-        case PhotographShown(picture):
+        case events.PhotographShown(picture):
             painting.photograph = picture
-        case LookShown():
+        case events.LookShown():
             painting.growing = None
             painting.looks = [*painting.looks[-_MAX_LOOKS:], {**asdict(event), "why": painting.why}]
             painting.why = ""
-        case TouchCorrected() | LastLookDoubted() if painting.looks:
+        case events.TouchCorrected() | events.LastLookDoubted() if painting.looks:
             told = [*painting.looks[-1].get("touch", []), event.sentence]
             painting.looks[-1] = {**painting.looks[-1], "touch": told}
-        case Considering():
+        case events.Considering():
             painting.why = "asked"
-        case PlanningProgress(share, left):
+        case events.PlanningProgress(share, left):
             painting.share, painting.left = share, left
-        case PlanPreview(picture):
+        case events.PlanPreview(picture):
             painting.growing = picture
-        case RestReplanned():
+        case events.RestReplanned():
             painting.growing, painting.share = None, 0.0
             painting.replanned = {name: getattr(event, name) for name in _REPLANNED}
             if painting.looks and painting.looks[-1]["done"] == event.done and "gain" not in painting.looks[-1]:
                 more = {"gain": event.gain, "plan": f"{event.prefix}plan.jpg"}
                 painting.looks[-1] = {**painting.looks[-1], **more}
-        case Paused(reason=reason, cause=cause):
+        case events.Paused(reason=reason, cause=cause):
             painting.reason, painting.cause, painting.why = reason, cause, ""
-        case Turns(strokes):
+        case events.Turns(strokes):
             painting.turns = strokes
             painting.game = {"minutes": event.minutes, "policy": event.policy, "keep": event.keep}
-        case RegionProtected(only=only, picture=picture):
+        case person_events.RegionProtected(only=only, picture=picture):
             painting.region = {"picture": picture, "only": only} if picture else None
             painting.why = ("only" if only else "region") if picture else "freed"
-        case GoalChanged(wish=wish):
+        case person_events.GoalChanged(wish=wish):
             painting.wish, painting.why, painting.proposed = wish, "goal", None
-        case MakingStarted(words):
+        case making_events.MakingStarted(words):
             painting.making, painting.said = words, ""
-        case PicturesMade():
+        case making_events.PicturesMade():
             painting.making, painting.proposed = None, event
-        case WentOn():
+        case events.WentOn():
             painting.proposed = None
-        case PersonMayPaint(brushes, wells):
+        case events.PersonMayPaint(brushes, wells):
             strokes = 0 if painting.person is None else painting.person["strokes"]
             painting.person = {"brushes": brushes, "wells": wells, "strokes": strokes}
-        case PersonStrokePainted(number):
+        case person_events.PersonStrokePainted(number):
             painting.person = {"brushes": [], "wells": [], **(painting.person or {}), "strokes": number}
             painting.remark = ""
-        case PersonPaintShown(picture) if painting.looks:
+        case person_events.PersonPaintShown(picture) if painting.looks:
             painting.looks[-1] = {**painting.looks[-1], "found": picture}
-        case Remark(sentence):
+        case events.Remark(sentence):
             painting.remark = sentence
-        case PaintingKept(film, arm, painters):
+        case events.PaintingKept(film, arm, painters):
             painting.film, painting.arm, painting.left, painting.kept = film, arm, 0.0, True
             painting.painters = painters
         case _:
@@ -446,31 +416,19 @@ _MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "mixing", "remark
 _REPLANNED = ("prefix", "frames", "strokes", "palette", "done")
 # Status of a painting after an event; other events do not change it.
 _STATUS: dict[type[Written], str] = {
-    TakenUp: "preparing",
-    Mixing: "mixing",
-    Dipped: "painting",
-    Drying: "drying",
-    StrokePainted: "painting",
-    StrokeLeftOut: "painting",
-    LookShown: "planning",
-    PlanningProgress: "planning",
-    RestReplanned: "painting",
-    Paused: "paused",
-    Considering: "planning",
-    WentOn: "painting",
-    Finishing: "finishing",
-    PaintingKept: "finished",
+    events.TakenUp: "preparing",
+    events.Mixing: "mixing",
+    events.Dipped: "painting",
+    events.Drying: "drying",
+    events.StrokePainted: "painting",
+    events.StrokeLeftOut: "painting",
+    events.LookShown: "planning",
+    events.PlanningProgress: "planning",
+    events.RestReplanned: "painting",
+    events.Paused: "paused",
+    events.Considering: "planning",
+    events.WentOn: "painting",
+    events.Finishing: "finishing",
+    events.PaintingKept: "finished",
 }
 _ENDS = ("finished", "stopped", "failed")
-_STAGES: dict[str, Stage] = {
-    "preparing": "preparing",
-    "mixing": "mixing",
-    "painting": "painting",
-    "drying": "drying",
-    "planning": "replanning",
-    "paused": "paused",
-    "finishing": "finishing",
-    "finished": "finished",
-    "stopped": "stopped",
-    "failed": "failed",
-}

@@ -1,4 +1,4 @@
-"""Making of pictures from words on the page: makers that the owner allowed, the request, its state, and the choice.
+"""Making of pictures from words on the page: makers that the owner allowed, the request, and the choice.
 
 The terminal that starts the studio names the makers, with their commands and addresses. A page knows only labels.
 """
@@ -15,10 +15,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from frida_painter import python_process, registry, storage
 from frida_painter.errors import ConfigError
-from frida_painter.session.events import Failed, ProcedureProgress, Stopped, Written
-from frida_painter.session.making_events import MakingStarted, PicturesMade
-from frida_painter.web.painting_state import Truth
-from frida_painter.web.studio_folder import MAKING_SUFFIX, KeptRequest, Words
+from frida_painter.session.making_events import PicturesMade
+from frida_painter.web.studio_folder import MAKING_SUFFIX, KeptRequest, Side, Words
 
 MADE = "made"
 """Folder of all makings in the folder for making pictures, each with a random name."""
@@ -27,7 +25,6 @@ MAX_MAKINGS = 8
 _MAX_FILE = 2**28  # bytes of a made picture
 _PATIENCE = 120.0  # seconds
 _CLIPS = ("clip-vit-b-32", "clip-vit-l-14")
-_Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
@@ -102,8 +99,8 @@ class MakingRequest(BaseModel):
     words: PlainWords
     maker: MakerLabel
     seed: int = Field(0, ge=0, le=2**31 - 1, strict=True)
-    width: _Side = 14 * 25.4
-    height: _Side = 11 * 25.4
+    width: Side = 14 * 25.4
+    height: Side = 11 * 25.4
 
 
 class MakingOrder(KeptRequest):
@@ -132,66 +129,6 @@ class MakingOrder(KeptRequest):
             advice = f"choose one of {known}" if known else "whoever starts the studio allows one with --imagine"
             raise ConfigError(f"There is no picture maker {label[:60]!r} here; {advice}.")
         return cls(words=words, maker=maker, label=label, minutes=allowed.minutes, **more)
-
-
-@dataclass
-class MakingProgress:
-    """State of making pictures.
-
-    words, maker: of the making that is at work, or was last.
-    makings: the last ones, in order.
-    """
-
-    words: str = ""
-    maker: str = ""
-    makings: list[PicturesMade] = field(default_factory=list)
-    progress: str = ""
-    trouble: str = ""
-    stopped: bool = False
-    ended: bool = True
-    version: int = 0
-
-    def hear(self, event: Written) -> None:
-        """Updates the state by an event; other events change nothing."""
-        self.version += 1
-        match event:
-            case MakingStarted(words, maker):
-                self.words, self.maker, self.progress, self.trouble = words, maker, "", ""
-                self.stopped = self.ended = False
-            case ProcedureProgress(words):
-                self.progress = words
-            case PicturesMade():
-                self.makings, self.ended = [*self.makings, event][-MAX_MAKINGS:], True
-            case Failed(reason):
-                self.trouble, self.ended = reason, True
-            case Stopped():
-                self.stopped, self.ended = True, True
-            case _:
-                pass
-
-    def to_plain(self, truth: Truth) -> dict[str, Any]:
-        """Returns the state as plain values; a process that ended without an event is reported as an error."""
-        said = "The process that made pictures ended without saying why."
-        return {
-            "version": self.version,
-            "working": truth.working,
-            "words": self.words,
-            "maker": self.maker,
-            "progress": self.progress if truth.working else "",
-            "stopped": self.stopped,
-            "trouble": self.trouble or truth.explain(self.ended, said, "Make them again."),
-            "makings": [
-                {
-                    "words": each.words,
-                    "maker": each.maker,
-                    "pictures": [{"picture": one["picture"], "seed": one["seed"]} for one in each.pictures],
-                    "best": each.best,
-                    "rule": each.rule,
-                    "faults": each.faults,
-                }
-                for each in self.makings
-            ],
-        }
 
 
 class ChosenPicture(BaseModel):

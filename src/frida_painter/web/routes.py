@@ -15,23 +15,23 @@ from dataclasses import dataclass
 from pathlib import Path as Path_module
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header, HTTPException, Path, Query, Request, Response
+from fastapi import APIRouter, Body, Depends, Header, HTTPException, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse, JSONResponse, StreamingResponse
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.types import Message, Receive, Scope, Send
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.web.commands import Command, Reply, Role
+from frida_painter.web.jobs import JOBS, Imagining, Job
 from frida_painter.web.picture_choosing import ChosenPicture, MakingRequest
 from frida_painter.web.security import Led, Session
-from frida_painter.web.setup_progress import SetupRequest
 from frida_painter.web.state import MAX_TOPICS, EventStream
 from frida_painter.web.stop import press
 from frida_painter.web.store import Entry
-from frida_painter.web.studio_folder import CalibrationRequest, PaintingFolder, PaintingRequest, working
-from frida_painter.web.teaching_progress import TeachingRequest
+from frida_painter.web.studio_folder import KeptRequest, PaintingRequest, working
 from frida_painter.web.web_studio import Studio
 
 # Files that are sent.
@@ -219,88 +219,55 @@ def control_routes(studio: Studio) -> APIRouter:
     return router
 
 
-def _send_picture(folder: PaintingFolder, name: str) -> SentFile:
-    path = folder.find_shown("live", name)
-    if path is None:
-        raise HTTPException(404, "There is no such picture.")
-    return SentFile(path, headers={**_ATTACHED, "Cache-Control": "no-store"})
+# Routes for jobs beside paintings.
 
 
-# Routes for calibration: the request, its state, and answers to the questions of procedures.
-
-
-def calibration_routes(studio: Studio) -> APIRouter:
-    """Returns the routes for calibration."""
-    router, leader = APIRouter(prefix="/api/calibration"), Depends(leader_at(studio))
+def job_routes(studio: Studio, job: type[Job]) -> APIRouter:
+    """Returns the routes of a job: its request, its state, answers to its questions, and its pictures."""
+    router, leader = APIRouter(prefix=f"/api/{job.name}"), Depends(leader_at(studio))
+    giver = leader if job is not Imagining else Depends(may_plan)
 
     @router.get("")
     def state(by: AnySession) -> dict[str, Any]:
-        """Returns the state of the calibration, as the page shows it."""
-        return studio.calibration()
+        """Returns the state of the job, as the page shows it."""
+        return studio.job(job)
 
     @router.post("/start")
-    def start(request: CalibrationRequest, by: Session = leader) -> dict[str, str]:
-        """Starts the calibration."""
-        studio.calibrate(request, by)
-        return {"id": "calibration"}
+    def start(request: Annotated[dict[str, Any], Body()], by: Session = giver) -> dict[str, str]:
+        """Starts the job."""
+        studio.begin_job(job, _checked(MakingRequest if job is Imagining else job.request, request), by)
+        return {"id": job.name}
 
     @router.post("/answer")
     def answer(given: Reply, by: Session = leader) -> dict[str, str]:
-        """Answers a question of a procedure, or moves the brush as asked."""
-        studio.answer_calibration(given, by)
-        return {"id": "calibration"}
+        """Answers a question, moves brush or tip as asked, or leaves the setup."""
+        studio.answer_job(job, given, by)
+        return {"id": job.name}
 
     @router.get("/files/{name}")
     def file(name: str, by: AnySession) -> SentFile:
         """Returns a picture of a question or a result."""
-        return _send_picture(studio.store.calibration, name)
+        path = studio.store.job(job.name).find_shown("live", name)
+        if path is None:
+            raise HTTPException(404, "There is no such picture.")
+        return SentFile(path, headers={**_ATTACHED, "Cache-Control": "no-store"})
 
     return router
 
 
-# Routes for teaching a stroke.
-
-
-def teaching_routes(studio: Studio) -> APIRouter:
-    """Returns the routes for teaching a stroke: the request, its state, and the sheets of families."""
-    router, leader = APIRouter(prefix="/api/teaching"), Depends(leader_at(studio))
-
-    @router.get("")
-    def state(by: AnySession) -> dict[str, Any]:
-        """Returns the state of teaching, as the page shows it."""
-        return studio.teaching()
-
-    @router.post("/start")
-    def start(request: TeachingRequest, by: Session = leader) -> dict[str, str]:
-        """Starts to learn a stroke family from marks."""
-        studio.teach(request, by)
-        return {"id": "teaching"}
-
-    @router.get("/files/{name}")
-    def file(name: str, by: AnySession) -> SentFile:
-        """Returns the sheet of a family."""
-        return _send_picture(studio.store.teaching, name)
-
-    return router
-
-
-# Routes for making pictures from words.
+def _checked(
+    form: type[KeptRequest] | type[MakingRequest], request: dict[str, Any]
+) -> KeptRequest | MakingRequest:  # fmt: skip
+    """Returns a request in its form. Raises RequestValidationError."""
+    try:
+        return form.model_validate(request)
+    except ValidationError as wrong:
+        raise RequestValidationError([{**each, "loc": ("body", *each["loc"])} for each in wrong.errors()]) from wrong
 
 
 def imagining_routes(studio: Studio) -> APIRouter:
-    """Returns the routes for making pictures from words: the request, its state, its stop, and the choice."""
+    """Returns the further routes for making pictures from words: its stop, and the choice."""
     router = APIRouter(prefix="/api/imagining")
-
-    @router.get("")
-    def state(by: AnySession) -> dict[str, Any]:
-        """Returns the state of the making, as the page shows it."""
-        return studio.imagining()
-
-    @router.post("/start")
-    def start(request: MakingRequest, by: Planner) -> dict[str, str]:
-        """Starts to make pictures from words, by a maker that the owner of the studio allowed."""
-        studio.imagine(request, by)
-        return {"id": "imagining"}
 
     @router.post("/stop")
     def stop(by: Planner) -> dict[str, str]:
@@ -312,43 +279,6 @@ def imagining_routes(studio: Studio) -> APIRouter:
     def choose(chosen: ChosenPicture, by: Planner) -> dict[str, str]:
         """Takes a made picture among the pictures for goals; returns its id, and how it was made."""
         return studio.choose_picture(chosen, by)
-
-    @router.get("/files/{name}")
-    def file(name: str, by: AnySession) -> SentFile:
-        """Returns a made picture."""
-        return _send_picture(studio.store.imagining, name)
-
-    return router
-
-
-# Routes for the setup of a machine.
-
-
-def setup_routes(studio: Studio) -> APIRouter:
-    """Returns the routes for the setup of a machine: the order, its state, and answers to its questions."""
-    router, leader = APIRouter(prefix="/api/setup"), Depends(leader_at(studio))
-
-    @router.get("")
-    def state(by: AnySession) -> dict[str, Any]:
-        """Returns the state of the setup, as the page shows it."""
-        return studio.setup()
-
-    @router.post("/start")
-    def start(request: SetupRequest, by: Session = leader) -> dict[str, str]:
-        """Starts the setup of a machine, or goes on with it."""
-        studio.set_up(request, by)
-        return {"id": "setup"}
-
-    @router.post("/answer")
-    def answer(given: Reply, by: Session = leader) -> dict[str, str]:
-        """Answers a question of the setup, moves the tip as asked, or leaves the setup."""
-        studio.answer_setup(given, by)
-        return {"id": "setup"}
-
-    @router.get("/files/{name}")
-    def file(name: str, by: AnySession) -> SentFile:
-        """Returns the picture of workspace and record."""
-        return _send_picture(studio.store.setup, name)
 
     return router
 
@@ -574,7 +504,7 @@ def event_routes(studio: Studio) -> APIRouter:
     async def events(by: AnySession, of: Annotated[list[str], Query(max_length=MAX_TOPICS)]) -> EventStream:
         """Streams states to a browser at each change, as server-sent events.
 
-        of: names of topics: ids of paintings, "calibration", "setup", and "paintings" for the gallery.
+        of: names of topics: ids of paintings, names of jobs, and "paintings" for the gallery.
         Answers 404 for an unknown painting, 503 if too many streams are open.
         """
         found = await run_in_threadpool(lambda: [studio.topic(name) for name in dict.fromkeys(of)])
@@ -591,5 +521,5 @@ def event_routes(studio: Studio) -> APIRouter:
 def all_routes(studio: Studio) -> Iterator[APIRouter]:
     """Yields all routes of a studio."""
     yield from (make(studio) for make in (control_routes, event_routes, goal_routes, painting_routes))
-    yield from (make(studio) for make in (calibration_routes, teaching_routes, imagining_routes, setup_routes))
-    yield gallery_routes(studio)
+    yield from (job_routes(studio, job) for job in JOBS.values())
+    yield from (imagining_routes(studio), gallery_routes(studio))

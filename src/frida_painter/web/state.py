@@ -1,136 +1,22 @@
-"""State of the calibration, states of paintings kept in memory, and their streams to browsers."""
+"""States of paintings and jobs kept in memory, and their streams to browsers."""
 
 import asyncio
 import json
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import aclosing
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+from datetime import datetime
 from threading import Lock
 from typing import Any, Protocol, TypeVar
 
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
-from frida_painter.session.events import (
-    Answered,
-    Asked,
-    CalibrationStarted,
-    CalibrationStatus,
-    Failed,
-    ProcedureBegan,
-    ProcedureFound,
-    ProcedureProgress,
-    Stopped,
-    Written,
-)
+from frida_painter.session.events import Written
 from frida_painter.web.commands import Role
 from frida_painter.web.painting_state import Truth
-from frida_painter.web.studio_folder import PROCEDURES, FeedReader, PaintingFolder
-
-# State of the calibration, computed from its feed.
-
-
-@dataclass
-class ProcedureState:
-    """State of one procedure in this or the last calibration.
-
-    status: "", "waiting", "busy", "done", "failed" or "stopped".
-    sentence, picture: its result.
-    dated: date of its entry in the record, None if there is none.
-    fault: reason to repeat it.
-    old: True if it is old.
-    """
-
-    name: str
-    status: str = ""
-    sentence: str = ""
-    picture: str | None = None
-    dated: str | None = None
-    fault: str = ""
-    old: bool = False
-
-
-@dataclass
-class CalibrationState:
-    """State of all procedures of an easel.
-
-    question: open question, in the form of web/painter.py.
-    progress: progress in words.
-    """
-
-    easel: str = ""
-    procedures: dict[str, ProcedureState] = field(
-        default_factory=lambda: {name: ProcedureState(name) for name in PROCEDURES}
-    )
-    question: dict[str, Any] | None = None
-    progress: str = ""
-    trouble: str = ""
-    stopped: bool = False
-    version: int = 0
-
-    def hear(self, event: Written) -> None:
-        """Updates the state by an event; other events change nothing."""
-        self.version += 1
-        try:
-            self._hear(event)
-        except (KeyError, TypeError):  # of a procedure that no longer exists
-            return
-
-    def to_plain(self, truth: Truth) -> dict[str, Any]:
-        """Returns the state as plain values; a process that ended without an event is reported as an error."""
-        working, shown = truth.working, self.procedures.values()
-        vanished = not (working or self.stopped) and any(each.status in ("waiting", "busy") for each in shown)
-        said = "The calibration's process ended in the middle of its work, without saying why."
-        ended = {"busy": "failed", "waiting": ""} if vanished else {}
-        return {
-            "version": self.version,
-            "working": working,
-            "easel": self.easel,
-            "procedures": [asdict(each) | {"status": ended.get(each.status, each.status)} for each in shown],
-            "question": self.question if working else None,
-            "progress": self.progress if working else "",
-            "stopped": self.stopped,
-            "trouble": self.trouble or truth.explain(not vanished, said, "Run the procedure again."),
-        }
-
-    def _hear(self, event: Written) -> None:
-        match event:
-            case CalibrationStarted(what):
-                self.trouble, self.stopped, self.question, self.progress = "", False, None, ""
-                for name, each in self.procedures.items():
-                    each.status = "waiting" if name in what else ""
-            case CalibrationStatus(easel, procedures):
-                self.easel = easel
-                for stands in procedures:
-                    each = self.procedures[stands["name"]]
-                    each.dated, each.fault, each.old = stands["dated"], stands["fault"], stands["old"]
-            case ProcedureBegan(name):
-                self.procedures[name].status, self.progress = "busy", ""
-            case ProcedureProgress(words):
-                self.progress = words
-            case Asked(question):
-                self.question = question
-            case Answered():
-                self.question = None
-            case ProcedureFound(name, sentence, picture):
-                each = self.procedures[name]
-                each.sentence, each.picture, each.status = sentence, picture, "done"
-            case Failed(reason):
-                self.trouble = reason
-                self._end("failed")
-            case Stopped():
-                self.stopped = True
-                self._end("stopped")
-            case _:
-                pass
-
-    def _end(self, how: str) -> None:
-        self.question = None
-        for each in self.procedures.values():
-            if each.status in ("waiting", "busy"):
-                each.status = how if each.status == "busy" else ""
-
+from frida_painter.web.studio_folder import FeedReader, PaintingFolder
 
 # Cache of states, so that a feed is not read again for each request.
 
@@ -146,8 +32,8 @@ class Shown(Protocol):
 
     version: int
 
-    def hear(self, event: Written) -> None:
-        """Updates the state by an event."""
+    def hear(self, event: Written, at: datetime | None = None) -> None:
+        """Updates the state by an event that was written at that time."""
 
     def to_plain(self, truth: Truth) -> dict[str, Any]:
         """Returns the state as plain values."""
@@ -157,7 +43,7 @@ Seen = TypeVar("Seen")
 
 
 class FeedStates:
-    """States of paintings and of the calibration; each one is computed from its feed once, then updated."""
+    """States of paintings and jobs; each one is computed from its feed once, then updated."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[str, tuple[FeedReader, Any, Lock]] = OrderedDict()
@@ -178,17 +64,17 @@ class FeedStates:
             if len(self._kept) > _MAX_KEPT:
                 self._kept.popitem(last=False)
         with turn:
-            truth, events = None, reader.read()
+            truth, events = None, reader.read_timed()
             # A worker takes its lock before its first event, and releases it after the last one. So state and truth
             # agree if no event came while the truth was found.
             for _ in range(_MAX_READS):
                 if truth is not None and not events:
                     break
-                for event in events:
-                    state.hear(event)
-                truth, events = Truth.of(folder), reader.read()
-            for event in events:
-                state.hear(event)
+                for event, at in events:
+                    state.hear(event, at)
+                truth, events = Truth.of(folder), reader.read_timed()
+            for event, at in events:
+                state.hear(event, at)
             return look(state, truth or Truth.of(folder))
 
 

@@ -68,31 +68,12 @@ class PaintingStore:
         return self.root / PICTURES
 
     @property
-    def calibration(self) -> PaintingFolder:
-        """Folder for calibrating the easel, made at the first use."""
-        return self._folder("calibration")
-
-    @property
-    def setup(self) -> PaintingFolder:
-        """Folder for the setup of a machine, made at the first use."""
-        return self._folder("setup")
-
-    @property
-    def teaching(self) -> PaintingFolder:
-        """Folder for teaching a stroke, made at the first use."""
-        return self._folder("teaching")
-
-    @property
-    def imagining(self) -> PaintingFolder:
-        """Folder for making pictures from words, made at the first use."""
-        return self._folder("imagining")
-
-    @property
     def families(self) -> dict[str, Path]:
         """Files of the stroke families that were taught in this studio, by name."""
         return {file.stem: file for file in storage.list_files(self.root / FAMILIES, "*.safetensors")}
 
-    def _folder(self, name: str) -> PaintingFolder:
+    def job(self, name: str) -> PaintingFolder:
+        """Returns the folder of a job beside the paintings, made at the first use."""
         folder = PaintingFolder(self.root / name)
         folder.path.mkdir(mode=_OURS_ALONE, exist_ok=True)
         folder.live.mkdir(exist_ok=True)

@@ -128,7 +128,7 @@ def studio(
             webbrowser.open(page.as_uri())
         return
     store = PaintingStore(folder.absolute())
-    record = calibration or store.calibration.path / "calibration.json"
+    record = calibration or store.job("calibration").path / "calibration.json"
     easel = WebAppEasel(record.absolute(), robot, camera, workspace, pace).validate()
 
     try:

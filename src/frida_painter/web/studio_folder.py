@@ -9,8 +9,9 @@ import re
 import shutil
 import time
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 
@@ -24,7 +25,7 @@ from frida_painter.runs.fields import Focus, Ground
 from frida_painter.runs.goal_item import Crop, GoalItem
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
 from frida_painter.runs.spec import FORMER, RunSpec
-from frida_painter.session.events import Failed, PlanningProgress, Turns, Written, events_of, record
+from frida_painter.session.events import Failed, PlanningProgress, Turns, Written, events_of, record, time_of
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
 
@@ -215,10 +216,6 @@ _LOCKS = ".workers"
 _LONGEST_JOB = 20
 PLAN_JOB = "plan"
 """Job of a worker that plans: no robot moves."""
-TEACH_JOB = "teach"
-"""Job of a worker that learns a stroke family: only the virtual studio paints."""
-IMAGINE_JOB = "imagine"
-"""Job of a worker that makes pictures from words: no robot moves."""
 
 
 @dataclass(frozen=True)
@@ -246,31 +243,42 @@ class PlanFolder:
             raise StorageError("What was asked for this plan is damaged; make another plan.") from cause
 
 
+class _Inside:
+    """Path inside the folder of a painting, as an attribute of `PaintingFolder`."""
+
+    def __init__(self, *parts: str) -> None:
+        self._parts = parts
+
+    def __get__(self, folder: "PaintingFolder", kind: type | None = None) -> Path:
+        return folder.path.joinpath(*self._parts)
+
+
 @dataclass(frozen=True)
 class PaintingFolder:
-    """Folder of one painting."""
+    """Folder of one painting, or of a job."""
 
     path: Path
 
-    @property
-    def feed(self) -> Path:
-        """File of the events, one per line; written by the worker."""
-        return self.path / "feed.jsonl"
-
-    @property
-    def commands(self) -> Path:
-        """File of the commands, one per line; written by the page's process."""
-        return self.path / "commands.jsonl"
-
-    @property
-    def replies(self) -> Path:
-        """File of the answers to the worker's questions, one per line; written by the page's process."""
-        return self.path / "replies.jsonl"
-
-    @property
-    def followed(self) -> Path:
-        """File that the page's process renews every few seconds while a page follows the work in this folder."""
-        return self.path / "followed"
+    feed = _Inside("feed.jsonl")
+    """File of the events, one per line; written by the worker."""
+    commands = _Inside("commands.jsonl")
+    """File of the commands, one per line; written by the page's process."""
+    replies = _Inside("replies.jsonl")
+    """File of the answers to the worker's questions, one per line; written by the page's process."""
+    followed = _Inside("followed")
+    """File that the page's process renews every few seconds while a page follows the work in this folder."""
+    easel = _Inside("easel")
+    """Folder of a simulated robot's lock, because each painting has its own simulated robot."""
+    stop = _Inside("stop")
+    """File that stops the worker when it exists."""
+    painting = _Inside("painting")
+    """Folder of the painting's results, as on the command line: plan, journal, photographs, film, page."""
+    robot_stop = _Inside("painting", STOP_FILE)
+    """File that makes the robot's process stop the robot, independent of the worker."""
+    camera = _Inside("painting", LIVE_PICTURE)
+    """Current picture of a live camera, written by the easel's process."""
+    live = _Inside("live")
+    """Folder of pictures that are shown during the work."""
 
     @property
     def pictures(self) -> Path:
@@ -282,41 +290,11 @@ class PaintingFolder:
         """Folder of the studio's taught stroke families."""
         return self.path.parent / FAMILIES
 
-    @property
-    def easel(self) -> Path:
-        """Folder of a simulated robot's lock, because each painting has its own simulated robot."""
-        return self.path / "easel"
-
-    @property
-    def stop(self) -> Path:
-        """File that stops the worker when it exists."""
-        return self.path / "stop"
-
-    @property
-    def robot_stop(self) -> Path:
-        """File that makes the robot's process stop the robot, independent of the worker."""
-        return self.painting / STOP_FILE
-
     def stop_now(self) -> None:
         """Stops all work on this painting. Raises OSError."""
         if self.painting.is_dir():
             self.robot_stop.touch()
         self.stop.touch()
-
-    @property
-    def camera(self) -> Path:
-        """Current picture of a live camera, written by the easel's process."""
-        return self.painting / LIVE_PICTURE
-
-    @property
-    def painting(self) -> Path:
-        """Folder of the painting's results, as on the command line: plan, journal, photographs, film, page."""
-        return self.path / "painting"
-
-    @property
-    def live(self) -> Path:
-        """Folder of pictures that are shown during the work."""
-        return self.path / "live"
 
     def plans(self) -> list[PlanFolder]:
         """Returns all plans, finished or not, in order."""
@@ -455,12 +433,11 @@ def working(folder: PaintingFolder) -> bool:
         os.close(file)
 
 
-# Request for a calibration from the page.
+# Request of the page for a job.
 
-Procedure = Literal["canvas", "robot", "color", "brush", "strokes"]
-PROCEDURES: tuple[Procedure, ...] = get_args(Procedure)
 _FILE = "asked.json"
-_Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
+Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
+"""Side of a canvas, mm."""
 
 
 class KeptRequest(BaseModel):
@@ -481,35 +458,6 @@ class KeptRequest(BaseModel):
             return cls.model_validate(record["asked"])
         except (KeyError, ValidationError) as cause:
             raise StorageError(f"The request ({cls._name}) is damaged; ask again.") from cause
-
-
-class CalibrationRequest(KeptRequest):
-    """Request for a calibration.
-
-    what: procedures, in order.
-    brush, width, height, seed: brush, canvas in mm and seed of a simulated easel.
-    count: number of strokes in the strokes procedure.
-    """
-
-    _name = "what is to be calibrated"
-
-    what: tuple[Procedure, ...] = Field(min_length=1, max_length=5)
-    brush: Brush = "broad"
-    width: _Side = 14 * 25.4
-    height: _Side = 11 * 25.4
-    seed: int = Field(0, ge=0, le=2**31 - 1)
-    count: int = Field(60, ge=20, le=1000)
-
-    @model_validator(mode="after")
-    def _once_and_in_order(self) -> Self:
-        if list(self.what) != [name for name in PROCEDURES if name in self.what]:
-            raise ValueError("Each procedure is done once, in the order canvas, robot, color, brush, strokes.")
-        return self
-
-    @property
-    def whole(self) -> bool:
-        """True if all procedures are requested."""
-        return self.what == PROCEDURES
 
 
 # Feed of a painting: its events, for everybody who watches.
@@ -571,15 +519,20 @@ class FeedReader:
 
         A feed of the first version gives one event, which says that it is not read.
         """
-        found: list[Written] = []
+        return [event for event, _ in self.read_timed()]
+
+    def read_timed(self) -> list[tuple[Written, datetime | None]]:
+        """Returns the events like `read`, each with the time at which it was written, None if it has none."""
+        found: list[tuple[Written, datetime | None]] = []
         try:
             lines = self._reader.read()
         except StorageError as refused:
-            lines, found = [], [] if self._is_refused else [Failed(str(refused))]
+            lines, found = [], [] if self._is_refused else [(Failed(str(refused)), None)]
             self._is_refused = True
         for line in lines:
-            try:
-                found += events_of(line)
-            except (ValueError, KeyError, TypeError):
-                continue
+            at: datetime | None = None
+            with contextlib.suppress(ValueError):
+                at = time_of(line).astimezone()
+            with contextlib.suppress(ValueError, KeyError, TypeError):
+                found += [(event, at) for event in events_of(line)]
         return found

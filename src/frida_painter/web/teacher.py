@@ -19,8 +19,8 @@ from frida_painter.teaching.evaluation import learn
 from frida_painter.teaching.families import write_family
 from frida_painter.teaching.marks import learn_family, read_marks
 from frida_painter.teaching.training import TrainingProgress
+from frida_painter.web.jobs import TeachingRequest
 from frida_painter.web.studio_folder import PaintingFolder
-from frida_painter.web.teaching_progress import TeachingRequest
 
 _SEED = 0
 

@@ -25,34 +25,10 @@ from frida_painter.render import render
 from frida_painter.render.painting import render_on
 from frida_painter.report.sheets import difference, palette_sheet, sheet_file
 from frida_painter.report.story import paints
+from frida_painter.session import events, person_events
 from frida_painter.session.choreography import BrushLoad, Choreography
-from frida_painter.session.events import (
-    BrushInHand,
-    CanvasAssumed,
-    Dipped,
-    Drying,
-    Event,
-    Finishing,
-    LastLookDoubted,
-    LayerBegun,
-    Looked,
-    LookShown,
-    Mixing,
-    PaintsWanted,
-    PhotographShown,
-    Planned,
-    PlanningStep,
-    PlanPreview,
-    RestReplanned,
-    Stopped,
-    StrokeLeftOut,
-    StrokePainted,
-    TimelapseFrame,
-    TimeLeft,
-    TouchCorrected,
-)
+from frida_painter.session.events import Event
 from frida_painter.session.observer import TIMELAPSE_ROWS
-from frida_painter.session.person_events import PersonStrokePainted
 from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.time_left import RemainingTime
 from frida_painter.strokes import Strokes
@@ -195,6 +171,10 @@ def export(plan: Plan, models: Mapping[str, StrokeModel], folder: Path, drying: 
     storage.write_text(folder / "strokes.gcode", program)
 
 
+_AS_IT_IS = (
+    events.Dipped, events.LayerBegun, events.BrushInHand, events.Stopped, events.Finishing, events.TouchCorrected,
+    events.LastLookDoubted, person_events.PersonStrokePainted,
+)  # fmt: skip
 _KEPT = 4  # number of live photographs that are kept; the last one is shown
 
 
@@ -228,31 +208,29 @@ class Reporter:
         self.time_left.hear(event, time.monotonic())
         left = self.time_left.remaining
         match event:
-            case PlanningStep(iteration=iteration, of=of, parts=parts):
+            case events.PlanningStep(iteration=iteration, of=of, parts=parts):
                 self.feed.step(iteration / of, left)
                 if self._growing is not None:
                     self._growing.hear(parts)
-            case Planned(done=done, plan=plan) if done > 0 or (self.in_turns and len(plan) > 0):
+            case events.Planned(done=done, plan=plan) if done > 0 or (self.in_turns and len(plan) > 0):
                 self._tell_replan(event)
-            case PaintsWanted():
-                self.feed.tell(Mixing())
-            case Dipped() | LayerBegun() | BrushInHand():
+            case events.PaintsWanted():
+                self.feed.tell(events.Mixing())
+            case events.Drying():
                 self.feed.tell(event)
-            case Drying():
-                self.feed.tell(event)
-                self.feed.tell(TimeLeft(round(left, 1)))
-            case StrokePainted(done=done) | StrokeLeftOut(done=done):
+                self.feed.tell(events.TimeLeft(round(left, 1)))
+            case events.StrokePainted(done=done) | events.StrokeLeftOut(done=done):
                 self.done = done
                 self.feed.tell(event)
-                self.feed.tell(TimeLeft(round(left, 1)))
-            case TimelapseFrame(photograph=photograph, done=done):
+                self.feed.tell(events.TimeLeft(round(left, 1)))
+            case events.TimelapseFrame(photograph=photograph, done=done):
                 self._photograph(photograph, done)
-            case Looked():
+            case events.Looked():
                 self._tell_look(event)
-            case CanvasAssumed(canvas=canvas, done=done):
+            case events.CanvasAssumed(canvas=canvas, done=done):
                 self._photograph(canvas, done)
                 self._go_on_from(canvas)
-            case Stopped() | Finishing() | TouchCorrected() | LastLookDoubted() | PersonStrokePainted():
+            case _ if isinstance(event, _AS_IT_IS):
                 self.feed.tell(event)
             case _:
                 pass
@@ -261,11 +239,11 @@ class Reporter:
         self.seen = photograph
         name = f"photograph-{self._photographs:05d}.jpg"
         if self._save(photograph, name):
-            self.feed.tell(PhotographShown(name, done))
+            self.feed.tell(events.PhotographShown(name, done))
             (self.folder.live / f"photograph-{self._photographs - _KEPT:05d}.jpg").unlink(missing_ok=True)
         self._photographs += 1
 
-    def _tell_look(self, look: Looked) -> None:
+    def _tell_look(self, look: events.Looked) -> None:
         number = storage.next_number(self.folder.live, "look-")
         rows, columns = look.expected.shape[1:]
         seen = images.fit(look.photograph, rows, columns)
@@ -273,7 +251,7 @@ class Reporter:
         pictures = (look.photograph, look.expected, difference(look.expected, seen))
         kept = [self._save(picture, name) for name, picture in zip(names.values(), pictures, strict=True)]
         if all(kept):
-            self.feed.tell(LookShown(look.done, **names))
+            self.feed.tell(events.LookShown(look.done, **names))
         self._photograph(look.photograph, look.done)
         self._go_on_from(look.photograph)
 
@@ -282,17 +260,17 @@ class Reporter:
         self._canvas = canvas
         self._growing = Growing(self.folder.live, canvas, self.models, self.size, self._tell_growing)
 
-    def _tell_replan(self, planned: Planned) -> None:
+    def _tell_replan(self, planned: events.Planned) -> None:
         """Reports the new plan, with pictures of its strokes under a new prefix."""
         prefix = f"plan-{storage.next_number(self.folder.live, 'plan-')}-"
         try:
             told = illustrate(planned.plan, self.models, self._canvas, self.folder.live, prefix)
         except StorageError:
             return
-        self.feed.tell(RestReplanned(planned.done, round(planned.gain, 4), **told))
+        self.feed.tell(events.RestReplanned(planned.done, round(planned.gain, 4), **told))
 
     def _tell_growing(self, name: str) -> None:
-        self.feed.tell(PlanPreview(name))
+        self.feed.tell(events.PlanPreview(name))
 
     def _save(self, picture: Tensor, name: str) -> bool:
         try:

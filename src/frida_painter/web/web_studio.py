@@ -13,9 +13,7 @@ from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
 from frida_painter.runs.shares import family_shares
-from frida_painter.session.events import CalibrationStarted, PlanRequested, TakenUp, TeachingStarted
-from frida_painter.session.making_events import MakingStarted
-from frida_painter.session.setup_events import SetupStarted
+from frida_painter.session.events import PlanRequested, TakenUp
 from frida_painter.web.commands import (
     ROBOT_MOVES,
     ChangeGoal,
@@ -31,27 +29,25 @@ from frida_painter.web.commands import (
     reply,
     tell_painter,
 )
+from frida_painter.web.jobs import JOBS, Imagining, Job, Setup, TeachingRequest
+from frida_painter.web.pace import LAST, WorkTimes, find_pace
 from frida_painter.web.painting_state import PaintingState, Status, tell_status
 from frida_painter.web.picture_choosing import (
     MADE,
     AllowedMakers,
     ChosenPicture,
     MakingOrder,
-    MakingProgress,
     MakingRequest,
     take_picture,
 )
 from frida_painter.web.security import Lead, Presence, Session
-from frida_painter.web.setup_progress import SetupProgress, SetupRequest
-from frida_painter.web.state import CalibrationState, FeedStates, Shown, StateStreams, Topic
+from frida_painter.web.state import FeedStates, Shown, StateStreams, Topic
 from frida_painter.web.stop import Stops
 from frida_painter.web.stop_process import StopProcess
 from frida_painter.web.store import Entry, PaintingStore, Uploads
 from frida_painter.web.studio_folder import (
-    IMAGINE_JOB,
     PLAN_JOB,
-    TEACH_JOB,
-    CalibrationRequest,
+    KeptRequest,
     PaintingFolder,
     PaintingRequest,
     PlanFolder,
@@ -62,12 +58,9 @@ from frida_painter.web.studio_folder import (
     tell_once,
     working,
 )
-from frida_painter.web.teaching_progress import TeachingProgress, TeachingRequest
 from frida_painter.web.web_app_easel import WebAppEasel
-from frida_painter.web.work_pace import PaceMemory
 from frida_painter.web.workers import QUEUE, PaintingQueue, Workers, start_painting
 
-_CALIBRATION, _SETUP, _TEACHING, _IMAGINING = "calibration", "setup", "teaching", "imagining"
 _GALLERY_EVERY = 1.0  # seconds
 _RENEWED_EVERY = 2.0  # seconds
 _ROOM_TO_BEGIN, _ROOM_TO_RESUME = 200 * 2**20, 100 * 2**20  # bytes
@@ -101,7 +94,6 @@ class Studio:
         self.lead: Final = Lead()
         self.streams: Final = StateStreams()
         self.feeds: Final = FeedStates()
-        self.pace: Final = PaceMemory()
         self.stops: Final = Stops(store.root)
         self.uploads: Final = Uploads(store.pictures)
         self.workers: Final = Workers(easel)
@@ -122,13 +114,17 @@ class Studio:
             "watched": easel.has_camera,
             "simulated": easel.simulated,
             "dangerous": easel.drives_machine,
-            "pace": asdict(self.pace.pace(self.store, real_time=not easel.simulated)),
+            "pace": find_pace(self._last_times(), real_time=not easel.simulated),
             "canvas": easel.canvas,
             "brushes": list(registry.parts(registry.STROKE_MODELS)),
             "families": list(self._families),
             "turns": list(registry.parts(registry.TURN_POLICIES)),
             "makers": list(self.makers.by_label),
         }
+
+    def _last_times(self) -> list[WorkTimes]:
+        last = self.store.all()[:LAST]
+        return [self.feeds.view(entry.folder, PaintingState, lambda state, truth: state.times) for entry in last]
 
     def work(self) -> dict[str, Any]:
         """Returns who is at work (ids of paintings, "calibration", "setup"), and the queue in order.
@@ -138,7 +134,7 @@ class Studio:
         entries, at_work = self.store.all(), self._at_work()
         names = {folder.path.name for folder in at_work}
         known = [entry.id for entry in entries if entry.folder.path.name in names]
-        known += [name for name in (_CALIBRATION, _SETUP, _TEACHING, _IMAGINING) if name in names]
+        known += [name for name in JOBS if name in names]
         titles = {entry.id: entry.title for entry in entries}
         shown = self.queue.to_plain()
         waiting = [{**each, "title": titles.get(each["painting"], "")} for each in shown["queue"]]
@@ -169,17 +165,9 @@ class Studio:
         shown = self.feeds.current(entry.folder, PaintingState)
         return {"id": entry.id, "title": entry.title, "begun": entry.begun, **shown}
 
-    def calibration(self) -> dict[str, Any]:
-        """Returns the state of the calibration, as the page shows it."""
-        return self.feeds.current(self.store.calibration, CalibrationState)
-
-    def teaching(self) -> dict[str, Any]:
-        """Returns the state of teaching a stroke, as the page shows it."""
-        return self.feeds.current(self.store.teaching, TeachingProgress)
-
-    def imagining(self) -> dict[str, Any]:
-        """Returns the state of making pictures from words, as the page shows it."""
-        return self.feeds.current(self.store.imagining, MakingProgress)
+    def job(self, job: type[Job]) -> dict[str, Any]:
+        """Returns the state of a job, as the page shows it."""
+        return self.feeds.current(self.store.job(job.name), job)
 
     @property
     def _families(self) -> dict[str, None]:
@@ -189,25 +177,19 @@ class Studio:
     def topic(self, name: str) -> Topic | None:
         """Returns a state that pages follow; None for an unknown painting.
 
-        name: id of a painting, "calibration", "setup", or "paintings" for the gallery.
+        name: id of a painting, name of a job, or "paintings" for the gallery.
         """
         fresh: Callable[[], Shown]
         if name == "paintings":
             return Topic(name, self.cards, self.cards, every=_GALLERY_EVERY)
-        if name == _CALIBRATION:
-            folder, fresh = self.store.calibration, CalibrationState
-        elif name == _SETUP:
-            folder, fresh = self.store.setup, SetupProgress
-        elif name == _TEACHING:
-            folder, fresh = self.store.teaching, TeachingProgress
-        elif name == _IMAGINING:
-            folder, fresh = self.store.imagining, MakingProgress
+        if name in JOBS:
+            folder, fresh = self.store.job(name), JOBS[name]
         elif (entry := self.store.find(name)) is not None:
             folder, fresh = entry.folder, PaintingState
         else:
             return None
 
-        sign = Followed(folder.followed) if name == _SETUP else None
+        sign = Followed(folder.followed) if name == Setup.name else None
 
         def mark() -> object:
             if sign is not None:
@@ -365,95 +347,53 @@ class Studio:
         finally:
             lock.release()
 
-    # Orders for calibration.
+    # Orders for jobs beside paintings.
 
-    def calibrate(self, request: CalibrationRequest, by: Session) -> None:
-        """Starts the calibration."""
-        folder = self.store.calibration
+    def begin_job(self, job: type[Job], request: KeptRequest | MakingRequest, by: Session) -> None:
+        """Starts a job; no request names a program. A setup moves a real machine, at every easel."""
+        order = self._complete(request)
+        folder = self.store.job(job.name)
         require_disk(folder.path, _ROOM_TO_BEGIN)
         with self.workers.slot_at(folder) as slot:
-            self.presence.allow(self.easel)
+            if job.moves == "always":
+                self.presence.require()
+            elif job.moves == "easel":
+                self.presence.allow(self.easel)
             folder.stop.unlink(missing_ok=True)
-            self.store.note(by.id, _CALIBRATION, f"calibrate {', '.join(request.what)}")
-            request.keep(folder)
-            tell_once(folder, CalibrationStarted(list(request.what)))
-            slot.start("calibrate", folder.plan(1))
-
-    def answer_calibration(self, given: Reply, by: Session) -> None:
-        """Answers a question of a procedure, or moves the brush as asked."""
-        self.store.note(by.id, _CALIBRATION, f"answer: {given.words}")
-        _hand_on(given, self.store.calibration, self.calibration()["question"], by.id)
-
-    # Orders for teaching a stroke.
-
-    def teach(self, request: TeachingRequest, by: Session) -> None:
-        """Starts to learn a stroke family from marks; only the virtual studio paints."""
-        if request.name in self._families:  # paintings with it may still be continued
-            raise ConfigError(f"There is a stroke family {request.name!r} already; give yours another name.")
-        folder = self.store.teaching
-        require_disk(folder.path, _ROOM_TO_BEGIN)
-        with self.workers.slot_at(folder) as slot:
-            folder.stop.unlink(missing_ok=True)
-            self.store.note(by.id, _TEACHING, f"teach {request.name}, {len(request.marks)} marks")
-            request.keep(folder)
-            tell_once(folder, TeachingStarted(request.name))
-            slot.start("teach", folder.plan(1))
-
-    # Orders for making pictures from words.
-
-    def imagine(self, request: MakingRequest, by: Session) -> None:
-        """Starts to make pictures by a maker that the owner of the studio allowed; no request names a program."""
-        order = MakingOrder.of(
-            request.words, request.maker, self.makers, **request.model_dump(exclude={"words", "maker"})
-        )
-        folder = self.store.imagining
-        require_disk(folder.path, _ROOM_TO_BEGIN)
-        if working(folder):
-            raise Interrupted("Pictures are being made here already; wait until they are there, or stop it.")
-        with self.workers.slot_at(folder) as slot:
-            folder.stop.unlink(missing_ok=True)
-            self.store.note(by.id, _IMAGINING, f"make pictures by {request.maker}, seed {request.seed}")
+            said, started = job.begin(order)
+            self.store.note(by.id, job.name, said)
             order.keep(folder)
-            tell_once(folder, MakingStarted(request.words, request.maker))
-            slot.start("imagine", folder.plan(1))
+            tell_once(folder, started)
+            slot.start(job.name, folder.plan(1))
+
+    def _complete(self, request: KeptRequest | MakingRequest) -> KeptRequest:
+        """Returns the request for the worker. Raises ConfigError for a taken name or a maker that is not allowed."""
+        if isinstance(request, MakingRequest):
+            more = request.model_dump(exclude={"words", "maker"})
+            return MakingOrder.of(request.words, request.maker, self.makers, **more)
+        if isinstance(request, TeachingRequest) and request.name in self._families:  # paintings with it may go on
+            raise ConfigError(f"There is a stroke family {request.name!r} already; give yours another name.")
+        return request
+
+    def answer_job(self, job: type[Job], given: Reply, by: Session) -> None:
+        """Answers a question of a job, moves brush or tip as asked, or leaves the setup."""
+        self.store.note(by.id, job.name, f"answer: {given.words}")
+        _hand_on(given, self.store.job(job.name), self.job(job)["question"], by.id)
 
     def stop_imagining(self, by: Session) -> None:
         """Stops the making of pictures, and no other work."""
-        folder = self.store.imagining
+        folder = self.store.job(Imagining.name)
         if working(folder):
-            self.store.note(by.id, _IMAGINING, "stop")
+            self.store.note(by.id, Imagining.name, "stop")
             folder.stop_now()
 
     def choose_picture(self, chosen: ChosenPicture, by: Session) -> dict[str, str]:
         """Takes a made picture among the pictures for goals; returns its id, and how it was made."""
-        folder = self.store.imagining
-        makings = self.feeds.view(folder, MakingProgress, lambda state, truth: list(state.makings))
+        folder = self.store.job(Imagining.name)
+        makings = self.feeds.view(folder, Imagining, lambda state, truth: list(state.makings))
         made = take_picture(chosen, makings, folder.path / MADE, self.store.pictures)
-        self.store.note(by.id, _IMAGINING, f"choose {made['made']}")
+        self.store.note(by.id, Imagining.name, f"choose {made['made']}")
         return made
-
-    # Orders for the setup of a machine.
-
-    def setup(self) -> dict[str, Any]:
-        """Returns the state of the setup of a machine, as the page shows it."""
-        return self.feeds.current(self.store.setup, SetupProgress)
-
-    def set_up(self, request: SetupRequest, by: Session) -> None:
-        """Starts the setup of a machine, or goes on with it. It moves a real machine, at every easel."""
-        folder = self.store.setup
-        require_disk(folder.path, _ROOM_TO_BEGIN)
-        with self.workers.slot_at(folder) as slot:
-            self.presence.require()
-            folder.stop.unlink(missing_ok=True)
-            self.store.note(by.id, _SETUP, f"set up {request.easel or 'a machine'}")
-            request.keep(folder)
-            tell_once(folder, SetupStarted())
-            slot.start("setup", folder.plan(1))
-
-    def answer_setup(self, given: Reply, by: Session) -> None:
-        """Answers a question of the setup, moves the tip as asked, or leaves the setup."""
-        self.store.note(by.id, _SETUP, f"answer: {given.words}")
-        _hand_on(given, self.store.setup, self.setup()["question"], by.id)
 
 
 @dataclass
@@ -473,7 +413,8 @@ class Followed:
 
 
 def _may_move(at_work: list[PaintingFolder]) -> bool:
-    return any(find_job(folder) not in (PLAN_JOB, TEACH_JOB, IMAGINE_JOB) for folder in at_work)
+    still = {PLAN_JOB, *(name for name, job in JOBS.items() if job.moves == "never")}
+    return any(find_job(folder) not in still for folder in at_work)
 
 
 def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, by: str) -> None:

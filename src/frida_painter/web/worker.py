@@ -40,28 +40,16 @@ from frida_painter.runs.settle import brushes_of, ground_of, paints_for_recipes
 from frida_painter.runs.setup_dialogue import SetupEvent, SetupOrder, lead_setup
 from frida_painter.runs.shares import AUTO, family_shares
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session import events, setup_events
 from frida_painter.session.controls import Controls
-from frida_painter.session.events import (
-    CalibrationStatus,
-    PaintingKept,
-    PlanMade,
-    PlanPreview,
-    ProcedureBegan,
-    ProcedureFound,
-    ProcedureProgress,
-    Stopped,
-    TakenUp,
-)
 from frida_painter.session.opening import adopt_camera, require_basis, statuses
-from frida_painter.session.setup_events import SetupLeft, SetupWritten
 from frida_painter.session.time_left import PlanTime, share_of_plan
 from frida_painter.web.imaginer import imagine
+from frida_painter.web.jobs import CalibrationRequest, SetupRequest, TeachingRequest
 from frida_painter.web.painter import Asker, PauseController
-from frida_painter.web.setup_progress import SetupRequest
 from frida_painter.web.stop import StopWatch
-from frida_painter.web.studio_folder import CalibrationRequest, Feed, PaintingFolder, PlanFolder
+from frida_painter.web.studio_folder import Feed, PaintingFolder, PlanFolder
 from frida_painter.web.teacher import teach
-from frida_painter.web.teaching_progress import TeachingRequest
 from frida_painter.web.telling import Growing, Reporter, export, illustrate, mixtures
 from frida_painter.web.web_app_easel import WebAppEasel
 
@@ -171,7 +159,9 @@ def calibrate(job: Job) -> None:
         here = with_operator(easel, spec, job.asker.answer)
         try:
             job.stop.then(here.robot.stop)
-            here = connect_easel(here, job.asker.answer, lambda sentence: job.feed.tell(ProcedureProgress(sentence)))
+            here = connect_easel(
+                here, job.asker.answer, lambda sentence: job.feed.tell(events.ProcedureProgress(sentence))
+            )
             _lead_all(job, request, here)
         finally:
             here.camera.close()
@@ -184,12 +174,12 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
     _tell_status(feed, known, here.calibration)
 
     def say(words: str) -> None:
-        feed.tell(ProcedureProgress(words))
+        feed.tell(events.ProcedureProgress(words))
         job.stop.heed()
 
     for name in request.what:
         require_basis(name, known, here.calibration, defaults_hold=here.simulated or not here.has_camera)
-        feed.tell(ProcedureBegan(name))
+        feed.tell(events.ProcedureBegan(name))
         easel = replace(here, calibration=known)
         setup = CalibrationSetup(easel, brush_kind(request.brush), path, request.seed, request.count, say)
         finding = lead(begin_procedure(name, setup), job.asker.answer)
@@ -197,7 +187,7 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
         if isinstance(finding, StrokesFinding):
             known = learn_from(finding, setup, known)
         known.save(path)
-        feed.tell(ProcedureFound(name, _sentence(finding), _show_finding(name, finding, setup, job)))
+        feed.tell(events.ProcedureFound(name, _sentence(finding), _show_finding(name, finding, setup, job)))
         _tell_status(feed, known, here.calibration)
 
 
@@ -230,7 +220,7 @@ def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
         }
         for status in statuses(adopt_camera(record, easel), easel)
     ]
-    feed.tell(CalibrationStatus(easel.easel, procedures))
+    feed.tell(events.CalibrationStatus(easel.easel, procedures))
 
 
 # Teaching of a stroke by a worker.
@@ -244,7 +234,7 @@ def teach_stroke(job: Job) -> None:
         job.stop.heed()
         if time.monotonic() - told[0] >= _BETWEEN_WORDS:
             told[0] = time.monotonic()
-            job.feed.tell(ProcedureProgress(words))
+            job.feed.tell(events.ProcedureProgress(words))
 
     told = [0.0]
     job.feed.tell(teach(request, job.folder, job.folder.families, say))
@@ -260,7 +250,7 @@ def set_up(job: Job) -> None:
     asker = Asker(job.folder, job.feed, job.stop, may_leave=True)
 
     def tell(event: SetupEvent) -> None:
-        job.feed.tell(_show_sheet(event, job.folder) if isinstance(event, SetupWritten) else event)
+        job.feed.tell(_show_sheet(event, job.folder) if isinstance(event, setup_events.SetupWritten) else event)
         job.stop.heed()
 
     size = None if request.width is None else CanvasSize(request.width / 1000, (request.height or 0.0) / 1000)
@@ -268,10 +258,10 @@ def set_up(job: Job) -> None:
     try:
         lead_setup(order, asker.answer, tell, stops=folder, opened=lambda robot: job.stop.then(robot.stop))
     except Interrupted as left:
-        job.feed.tell(SetupLeft(str(left)))
+        job.feed.tell(setup_events.SetupLeft(str(left)))
 
 
-def _show_sheet(written: SetupWritten, folder: PaintingFolder) -> SetupWritten:
+def _show_sheet(written: setup_events.SetupWritten, folder: PaintingFolder) -> setup_events.SetupWritten:
     """Copies the picture of a finished setup for the page; returns the event with the copy's name."""
     for before in folder.live.glob(f"setup-{_TOKEN}.png"):
         before.unlink()
@@ -301,7 +291,7 @@ def resume(job: Job, place: PlanFolder) -> None:
     """Resumes a painting that was stopped, killed or failed, from its journal."""
     with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
         assert run.history is not None
-        job.feed.tell(TakenUp(run.history.painted))
+        job.feed.tell(events.TakenUp(run.history.painted))
         _tell_waits(job, run)
         run.load_easel()
         _lead(job, run)
@@ -310,7 +300,7 @@ def resume(job: Job, place: PlanFolder) -> None:
 
 def _tell_waits(job: Job, run: PaintingRun) -> None:
     """Connects the waits before planning to the page and to its stop."""
-    run.tell, run.heed = lambda sentence: job.feed.tell(ProcedureProgress(sentence)), job.stop.heed
+    run.tell, run.heed = lambda sentence: job.feed.tell(events.ProcedureProgress(sentence)), job.stop.heed
 
 
 def _lead(job: Job, run: PaintingRun) -> None:
@@ -361,14 +351,14 @@ def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
     if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
         raise trouble
     if outcome.page is None:  # it was stopped before the first plan
-        job.feed.tell(Stopped())
+        job.feed.tell(events.Stopped())
         return
     painted = Plan.load(outcome.folder)
     if len(painted):
         export(painted, run.planner.models, outcome.folder, run.spec.drying)
     _tell_painters(run, outcome)
     films = {"film": "film.mp4", "arm": ARM_FILM, "painters": f"{PAINTERS}.png"}
-    job.feed.tell(PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))
+    job.feed.tell(events.PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))
 
 
 def _tell_painters(run: PaintingRun, outcome: RunOutcome) -> None:
@@ -390,16 +380,16 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
             paint(job, place)
         case "resume":
             resume(job, place)
-        case "calibrate":
+        case "calibration":
             calibrate(job)
         case "setup":
             set_up(job)
-        case "teach":
+        case "teaching":
             teach_stroke(job)
-        case "imagine":
+        case "imagining":
             imagine(job.folder, job.feed, job.stop)
         case _:
-            jobs = "plan, paint, resume, calibrate, setup, teach or imagine"
+            jobs = "plan, paint, resume, calibration, setup, teaching or imagining"
             raise ConfigError(f"There is no job {what[:40]!r}; it is {jobs}.")
 
 
@@ -413,7 +403,7 @@ def make_plan(job: Job, place: PlanFolder) -> None:
         started = time.monotonic()
 
         def grown(name: str) -> None:
-            feed.tell(PlanPreview(name, place.number))
+            feed.tell(events.PlanPreview(name, place.number))
 
         growing = Growing(place.path, bare, planner.models, planner.size, grown)
         expected_time = planner.measure_plan(run.spec.strokes)
@@ -436,4 +426,4 @@ def make_plan(job: Job, place: PlanFolder) -> None:
         told = illustrate(made, planner.models, bare, place.path)
         mixed, took = mixtures(made, paints_for_recipes(run.spec)), round(time.monotonic() - started, 1)
         told |= {"mixtures": mixed, "mixing": mixing_changes(made), "remarks": list(planner.encoders.remarks)}
-    feed.tell(PlanMade(place.number, round(nearer, 4), took, **told))
+    feed.tell(events.PlanMade(place.number, round(nearer, 4), took, **told))

@@ -66,9 +66,7 @@ class WorkerSlot:
     def __init__(self, folder: PaintingFolder, lock: WorkerLock, started: list[_Started], easel: WebAppEasel) -> None:
         self.folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
-    def start(
-        self, job: Literal["plan", "paint", "resume", "calibrate", "setup", "teach", "imagine"], plan: PlanFolder
-    ) -> None:
+    def start(self, job: str, plan: PlanFolder) -> None:
         """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError."""
         lock = self._lock.fileno()
         task = job, self.folder.path, plan.number, lock, json.dumps(self._easel.plain())

@@ -51,5 +51,18 @@ export async function upload(blob) {
 export const picture = (id) => `/api/pictures/${id}`;
 export const file = (painting, place, name) => `/paintings/${painting}/${place}/${name}`;
 
-/** Follows a painting, or the calibration: `hear` gets its state whenever it changes, `connected` whether the studio is there. */
-export const follow = (path, hear, connected) => stream.follow(path.split("/").pop(), hear, connected);
+/**
+ * Reads a state and follows it (a painting, a job, the gallery): `hear` gets it at once and whenever it changes. Returns what ends that.
+ * @param {House} house @param {string} path @param {(state: any) => void} hear
+ */
+export function follow(house, path, hear) {
+  let closed = false;
+  let end = () => {};
+  house.attempt(async () => {
+    const state = await get(path);
+    if (closed) return;
+    hear(state);
+    end = stream.follow(path.split("/").pop(), hear, house.connected);
+  });
+  return () => { closed = true; end(); };
+}

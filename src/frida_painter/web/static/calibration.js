@@ -75,13 +75,6 @@ export function calibration(house) {
       : h("div", { class: "mount empty" }, h("p", {}, "The results will be shown here.")));
   }
 
-  let stopFollowing = () => {};
-  let closed = false;
-  house.attempt(async () => {
-    const state = await api.get("/api/calibration");
-    if (closed) return;
-    hear(state);
-    stopFollowing = api.follow("/api/calibration", hear, house.connected);
-  });
-  return { element: h("section", { class: "workbench calibration" }, trouble, questions.element, found, panel), close() { closed = true; questions.close(); stopFollowing(); } };
+  const stopFollowing = api.follow(house, "/api/calibration", hear);
+  return { element: h("section", { class: "workbench calibration" }, trouble, questions.element, found, panel), close() { questions.close(); stopFollowing(); } };
 }

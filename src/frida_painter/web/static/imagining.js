@@ -44,17 +44,12 @@ export function pictureMaking(house, wish, chosen) {
   let maker = house.makers[0];
   let asking = false;
   let awaited = 0; // version of the state from which on the last order is in it: what follows may begin with an older one
-  let stopFollowing = () => {};
-  let closed = false;
 
   function hear(/** @type {ImaginingState} */ told) {
-    if (closed || told.version < awaited) return;
+    if (told.version < awaited) return;
     state = told;
-    if (!told.working) { stopFollowing(); stopFollowing = () => {}; }
     tell();
   }
-
-  const follow = () => { if (!closed) stopFollowing = api.follow(PLACE, hear, house.connected); };
 
   function tell() {
     for (const [element, place] of places) {
@@ -72,7 +67,7 @@ export function pictureMaking(house, wish, chosen) {
     const seed = nextSeed(state?.makings ?? [], words, wish.seed);
     const begun = await house.attempt(() => api.post(`${PLACE}/start`, { words, maker, seed, width: wish.width, height: wish.height }));
     asking = false;
-    if (begun) { awaited = before + 1; stopFollowing(); follow(); }
+    if (begun) awaited = before + 1;
     return Boolean(begun);
   }
 
@@ -124,6 +119,5 @@ export function pictureMaking(house, wish, chosen) {
     return element;
   }
 
-  api.get(PLACE).then((told) => { hear(told); if (told.working) follow(); }).catch(() => {}); // it is told at the next order
-  return { place, tell, make, close() { closed = true; stopFollowing(); } };
+  return { place, tell, make, close: api.follow(house, PLACE, hear) };
 }

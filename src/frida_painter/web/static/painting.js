@@ -34,6 +34,10 @@ export function painting(house, id) {
 
   function hear(state) {
     last = state;
+    if (!title) {
+      ({ title, begun } = state);
+      document.title = `${title} · The studio`;
+    }
     house.active(state.working);
     const next = stageOf(state);
     if (next !== name) {
@@ -57,19 +61,9 @@ export function painting(house, id) {
     herald.tell(need(state, title));
   }
 
-  let stopFollowing = () => {};
-  let closed = false;
-  house.attempt(async () => {
-    const state = await api.get(`/api/paintings/${id}`);
-    if (closed) return;
-    title = state.title;
-    begun = state.begun;
-    document.title = `${title} · The studio`;
-    hear(state);
-    stopFollowing = api.follow(`/api/paintings/${id}`, hear, house.connected);
-  });
+  const stopFollowing = api.follow(house, `/api/paintings/${id}`, hear);
   return {
     element,
-    close() { closed = true; stopFollowing(); stage?.close?.(); document.title = "The studio"; },
+    close() { stopFollowing(); stage?.close?.(); document.title = "The studio"; },
   };
 }

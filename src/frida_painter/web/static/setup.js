@@ -107,15 +107,8 @@ export function setup(house) {
     else show(picture, h("div", { class: "mount empty" }, h("p", {}, "The machine's table will be shown here.")));
   }
 
-  let stopFollowing = () => {};
-  let closed = false;
-  house.attempt(async () => {
-    const state = await api.get(PATH);
-    if (closed) return;
-    hear(state);
-    stopFollowing = api.follow(PATH, hear, house.connected);
-  });
-  return { element: h("section", { class: "workbench calibration setup" }, trouble, questions.element, picture, panel), close() { closed = true; clearTimeout(hiding); questions.close(); stopFollowing(); } };
+  const stopFollowing = api.follow(house, PATH, hear);
+  return { element: h("section", { class: "workbench calibration setup" }, trouble, questions.element, picture, panel), close() { clearTimeout(hiding); questions.close(); stopFollowing(); } };
 }
 
 /**

@@ -95,6 +95,7 @@ const wanted = () => stream?.want([...following.values()].map((each) => each.top
 /**
  * Follows a topic: a painting's id, "calibration", or "paintings". hear(state) is called at once and with every change,
  * connected(whether, sentence) when the studio is there or not. Returns what ends it.
+ * @param {string | undefined} topic @param {(state: any) => void} hear @param {(there: boolean, sentence: string) => void} connected
  */
 export function follow(topic, hear, connected = () => {}) {
   if (!stream) {

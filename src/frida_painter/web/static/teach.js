@@ -91,14 +91,7 @@ export function teaching(house) {
     tell();
   }
 
-  let stopFollowing = () => {};
-  let closed = false;
   tell();
-  house.attempt(async () => {
-    const state = await api.get("/api/teaching");
-    if (closed) return;
-    hear(state);
-    stopFollowing = api.follow("/api/teaching", hear, house.connected);
-  });
-  return { element: h("section", { class: "workbench teaching" }, trouble, easel, panel), close() { closed = true; stopFollowing(); } };
+  const stopFollowing = api.follow(house, "/api/teaching", hear);
+  return { element: h("section", { class: "workbench teaching" }, trouble, easel, panel), close() { stopFollowing(); } };
 }

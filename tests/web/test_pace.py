@@ -1,4 +1,3 @@
-import time
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -6,9 +5,10 @@ from typing import Any
 import pytest
 
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.web import work_pace
+from frida_painter.web.pace import find_pace
+from frida_painter.web.painting_state import PaintingState
 from frida_painter.web.store import PaintingStore
-from frida_painter.web.work_pace import PaceMemory, WorkPace, pace
+from frida_painter.web.studio_folder import FeedReader
 
 MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}
 PLANNED: list[dict[str, Any]] = [
@@ -30,6 +30,16 @@ def write(store: PaintingStore, *lines: dict[str, Any]) -> None:
     writer.close()
 
 
+def pace(store: PaintingStore, *, real_time: bool) -> dict[str, float]:
+    times = []
+    for entry in store.all():
+        state = PaintingState()
+        for event, at in FeedReader(entry.folder.feed).read_timed():
+            state.hear(event, at)
+        times.append(state.times)
+    return find_pace(times, real_time=real_time)
+
+
 def strokes(first: int, last: int, since: float, each: float) -> list[dict[str, Any]]:
     """Strokes `first` to `last` of 20, the first one `each` seconds after `since`."""
     return [
@@ -46,11 +56,11 @@ def look(at: float, done: int, until: float) -> list[dict[str, Any]]:
 
 def test_the_pace_is_that_of_the_last_painting(store: PaintingStore) -> None:
     guessed = pace(store, real_time=False)
-    assert pace(store, real_time=True).painting > guessed.painting and not guessed.known
+    assert pace(store, real_time=True)["painting"] > guessed["painting"] and not guessed["known"]
     begun = {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20}
     write(store, *PLANNED, begun, *strokes(1, 10, 107.0, 2.0), *look(130.0, 10, 140.0), *strokes(11, 20, 140.0, 2.0))
     found = pace(store, real_time=False)
-    assert found == WorkPace(loading=4.0, planning=3.0, opening=9.0, painting=2.0, replanning=2.0, known=True)
+    assert found == {"loading": 4.0, "planning": 3.0, "opening": 9.0, "painting": 2.0, "replanning": 2.0, "known": True}
     write(store, {"kind": "plan_made", "at": "yesterday"})
     assert pace(store, real_time=False) == found
 
@@ -62,7 +72,7 @@ def test_pauses_and_stops_are_not_counted_and_what_was_painted_around_them_is(st
     parts = strokes(1, 6, 104.0, 2.0), paused, strokes(7, 12, 900.0, 2.0), stopped, strokes(13, 20, 5030.0, 2.0)
     write(store, *PLANNED, begun, *(line for part in parts for line in part))
     found = pace(store, real_time=False)
-    assert (found.opening, found.painting, found.known) == (6.0, 2.0, True)
+    assert (found["opening"], found["painting"], found["known"]) == (6.0, 2.0, True)
 
 
 def test_one_slow_painting_does_not_change_what_is_expected_of_the_next(store: PaintingStore) -> None:
@@ -73,21 +83,4 @@ def test_one_slow_painting_does_not_change_what_is_expected_of_the_next(store: P
             {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20},
             *strokes(1, 20, 100.0, each),
         )
-    assert pace(store, real_time=False).painting == pytest.approx(1.2)
-
-
-def test_the_pace_is_kept_in_memory_and_read_again_where_a_painting_has_gone_on(
-    store: PaintingStore, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    memory, read = PaceMemory(), list[int]()
-    monkeypatch.setattr(work_pace, "pace", lambda store, real_time: read.append(1) or pace(store, real_time=real_time))
-    first = memory.pace(store, real_time=False)
-    assert memory.pace(store, real_time=False) is first and len(read) == 1
-    begun = {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20}
-    write(store, *PLANNED, begun, *strokes(1, 20, 107.0, 2.0))
-    assert memory.pace(store, real_time=False) is first
-    now = time.monotonic()
-    monkeypatch.setattr(time, "monotonic", lambda: now + 11)
-    assert memory.pace(store, real_time=False).known and len(read) == 2
-    monkeypatch.setattr(time, "monotonic", lambda: now + 22)
-    assert memory.pace(store, real_time=False).known and len(read) == 2
+    assert pace(store, real_time=False)["painting"] == pytest.approx(1.2)
