@@ -20,6 +20,7 @@ from hypothesis import settings
 
 import downloads
 from killing import forked_easels, fresh_easels
+from measured import MAX_TEST, function_of, read_seconds
 from snapshots import Snapshots
 
 settings.register_profile("suite", deadline=None)
@@ -33,9 +34,8 @@ _M_ARENA_MAX = -8  # malloc.h
 _MAX_UNTRIMMED = 640 * _MB  # in use, before free pages between blocks go back to the system during a test too
 _MAX_KEPT = 64 * _MB  # of what a painting frees, while it is tested
 _LEFT = pytest.StashKey[int]()  # bytes in use after that
-SLOW_TESTS = Path(__file__).with_name("slow_tests.txt")  # written by `tools/run_tests.py --quick --renew`
-MAX_PROCESSOR_TIME = 1.0  # seconds of a test that is not marked slow, with its fixtures and whatever it starts
-_LONG = pytest.StashKey[list[tuple[float, str]]]()  # tests that took more, though they are not marked
+_SECONDS = pytest.StashKey[dict[str, tuple[float, str]]]()  # of slow tests, and why one may take long
+_LONG = pytest.StashKey[list[tuple[float, str]]]()  # tests that took more than MAX_TEST, without a reason
 _PEAKS = pytest.StashKey[dict[str, int]]()  # bytes, by the name of the test process
 
 
@@ -64,6 +64,7 @@ def pytest_configure(config: pytest.Config) -> None:
     cv2.setNumThreads(threads)
     config.stash[_PEAKS] = {}
     config.stash[_LONG] = []
+    config.stash[_SECONDS] = read_seconds()
     config.pluginmanager.register(downloads)  # tells what was skipped, and why
     if (library := _glibc()) is not None:  # else each thread's arena keeps what was freed in it
         library.mallopt(_M_ARENA_MAX, 1)
@@ -72,9 +73,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What was measured to take long is slow, as if it was marked so."""
-    measured = frozenset(SLOW_TESTS.read_text().splitlines())
     for item in items:
-        if item.nodeid.split("[")[0] in measured:
+        if function_of(item.nodeid) in item.config.stash[_SECONDS]:
             item.add_marker(pytest.mark.slow)
 
 
@@ -112,7 +112,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     if (times := item.config.getoption("--times")) is not None:
         with times.open("a") as file:
             file.write(f"{took:.3f} {time.monotonic() - clock:.3f} {item.nodeid}\n")
-    if took > MAX_PROCESSOR_TIME and item.get_closest_marker("slow") is None:
+    if took > MAX_TEST and not item.config.stash[_SECONDS].get(function_of(item.nodeid), (0, ""))[1]:
         item.config.stash[_LONG].append((took, item.nodeid))
     module = getattr(item, "module", None)  # what is no function of Python has none
     if module is not None and (nextitem is None or nextitem.path != item.path):
@@ -146,7 +146,7 @@ def pytest_testnodedown(node: Any) -> None:
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
-    """A test process that took more than MAX_MEMORY fails the run; the tests' computer may have little."""
+    """A process that took more than MAX_MEMORY, or a test more than MAX_TEST without a reason, fails the run."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
     if hasattr(session.config, "workeroutput"):  # xdist, which has it told by the process that asked for tests
         session.config.workeroutput["peak"] = peak
@@ -154,7 +154,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         return
     peaks = session.config.stash[_PEAKS]
     peaks["the test process"] = peak
-    if max(peaks.values()) > MAX_MEMORY and session.exitstatus == pytest.ExitCode.OK:
+    if (max(peaks.values()) > MAX_MEMORY or session.config.stash[_LONG]) and session.exitstatus == pytest.ExitCode.OK:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
@@ -166,7 +166,8 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     instructions = torch.backends.cpu.get_cpu_capability()
     terminalreporter.write_line(f"PyTorch's instructions: {instructions}; threads: {config.getoption('--threads')}")
     if long := sorted(config.stash[_LONG], reverse=True):
-        terminalreporter.write_line(f"Not marked slow, and more than {MAX_PROCESSOR_TIME:g} s of a processor:")
+        told = f"FAILED: more than {MAX_TEST:g} s of a processor, and no reason in tests/seconds.txt:"
+        terminalreporter.write_line(told, red=True)
         for took, name in long:
             terminalreporter.write_line(f"  {took:5.1f} s  {name}")
     if max(peaks.values(), default=0) > MAX_MEMORY:

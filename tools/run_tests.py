@@ -1,16 +1,17 @@
 """Runs the whole test suite in groups, some at a time; a group that fails stops none.
 
 Each group has a test process of its own: one that ran all tests would keep every library and cache that any of them
-loads. These processes are forked from this one, which has loaded the large libraries that most of them use: that
-takes four seconds of a processor. Groups that take longest come first, so that no processor waits at the end for the
-other; and there is one process more than processors, because some tests wait for a clock.
+loads. These processes are forked from this one, which has loaded once what most of them use. tests/seconds.txt says how
+long tests take: files of a room follow each other in groups of about a minute, and the longest group comes first, so
+that no processor waits at the end for the other. There is one process more than processors, because some tests wait for
+a clock.
 
 Tests that failed run once more at the end, alone: some of them talk to programs that have deadlines of their own, which
 a busy machine may miss. A test that then passes is named, and fails nothing.
 
-`--quick` runs only the tests that are not slow, with few examples of each property, in few processes. A test is slow if
-it is marked so, or named in tests/slow_tests.txt. `--renew` adds to that file what took too long in this run; leave the
-machine alone meanwhile.
+`--quick` runs only the tests that are not in tests/seconds.txt, with few examples of each property.
+`--renew` writes what was measured in this run to tests/seconds.txt: tests that took too long for `--quick` are added,
+and those that are gone, or have become quick, leave. Leave the machine alone meanwhile.
 `--plain-processor` computes with the instructions that every 64-bit PC has, and with two threads: sums come in another
 order, and last digits differ, as they do between processors. No test's verdict may depend on that.
 `--jobs N` runs N groups at a time. All other words go to pytest.
@@ -28,34 +29,23 @@ import sys
 import tempfile
 import time
 import traceback
-from collections import deque
+from collections import Counter, deque
 from pathlib import Path
 from typing import IO, NoReturn
 
 ROOT = Path(__file__).parents[1]
-# Rooms by how long their tests take, the longest first. All others, and tests of single modules, are the last group.
-GROUPS = (
-    ("session",),
-    ("lab",),
-    ("cli",),
-    ("web",),
-    ("procedures", "easel"),
-    ("benchmarks", "docs", "examples"),
-    ("planning",),
-    ("runs", "report", "export", "tools"),
-    ("sawyer", "hardware"),
-    ("words", "weights"),
-    ("objectives",),
-    ("render", "brush", "perception", "virtual"),
-)
-PARTS = {"session": 6, "web": 2, "lab": 14, "objectives": 3}  # rooms that are more than one group
-SLOW_TESTS = ROOT / "tests" / "slow_tests.txt"
+sys.path.append(str(ROOT / "tests"))
+
+from measured import list_tests, read_seconds, renew_seconds  # noqa: E402
+
 # No temporary file of Python: the first of the forked processes that ends would remove it.
 TIMES = ROOT / ".pytest_cache" / "times"
-MAX_PROCESSOR_TIME, MAX_TIME = 0.15, 0.5  # seconds that a quick test takes, of a processor and of a clock
+GROUP = 60.0  # seconds of a processor that the tests of a group take, more or less
+QUICK_GROUP = 12.0
+ANY_TEST = 0.03  # seconds of a processor that a test function takes that is not in tests/seconds.txt
 QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
-# Libraries that are loaded once. None of them is a plugin of pytest, which has to load those itself.
-LARGE = ("torch", "numba", "scipy.stats", "cv2", "pydantic")
+# What is loaded once. None of it is a plugin of pytest, which has to load those itself.
+LARGE = ("torch", "numba", "scipy.stats", "cv2", "pydantic", "frida_painter.cli.commands", "frida_painter.web.server")
 MAX_JOBS = 6  # each may take 2 GB of memory
 NO_TESTS = 5  # exit status of pytest
 # What PyTorch, its two libraries of kernels, numba, NumPy's linear algebra, OpenCV and libvips read as they are loaded.
@@ -81,76 +71,55 @@ def main(words: list[str]) -> int:
     usual = min(MAX_JOBS, (os.cpu_count() or 1) + 1)
     parser.add_argument("--jobs", type=int, default=usual, help=f"groups at a time (default here {usual})")
     parser.add_argument("--plain-processor", action="store_true", help="compute as a processor of another make would")
-    parser.add_argument("--renew", action="store_true", help="add tests that took too long to tests/slow_tests.txt")
+    parser.add_argument("--renew", action="store_true", help="write what was measured to tests/seconds.txt")
     options, more = parser.parse_known_args(words)
-    groups = list_groups()
     if options.plain_processor:
         os.environ |= PLAIN_PROCESSOR
         more = ["--threads", "2", *more]
     if options.quick:
-        groups, more = deal_files(groups, options.jobs), [*QUICK, *more]
+        more = [*QUICK, *more]
+    groups = list_groups(quick=options.quick)
     TIMES.parent.mkdir(exist_ok=True)
-    TIMES.unlink(missing_ok=True)
+    TIMES.write_text("")
     began = time.monotonic()
-    told = run_groups(groups, [*more, "--times", str(TIMES)] if options.renew else more, options.jobs)
+    told = run_groups(groups, ["--times", str(TIMES), *more], options.jobs)
     took = time.monotonic() - began
     if options.renew:
-        renew_slow_tests(TIMES.read_text())
+        renew_seconds(TIMES.read_text().splitlines(), ROOT, quick=options.quick)
     failures = [line for why in told for line in why]
-    print(
-        "\n".join([*failures, f"{told.count([])} of {len(groups)} groups of tests passed in {took / 60:.1f} minutes."]),
-        flush=True,
-    )
+    print("\n".join([*failures, tell_seconds(TIMES.read_text())]))
+    print(f"{told.count([])} of {len(groups)} groups of tests passed in {took / 60:.1f} minutes.", flush=True)
     return 1 if failures else 0
 
 
-def list_groups() -> list[list[str]]:
-    """Returns the paths of every group; together they are all tests."""
-    named = [room for group in GROUPS for room in group]
-    groups = [part for group in GROUPS for part in split_rooms(group)]
-    inside = sorted((ROOT / "tests").iterdir())
-    rooms = [path.name for path in inside if path.is_dir() and path.name not in named and any(path.rglob("test_*.py"))]
-    single = [path.name for path in inside if path.match("test_*.py")]
-    return [*groups, [f"tests/{name}" for name in rooms + single]]
+def list_groups(*, quick: bool = False) -> list[list[str]]:
+    """Returns the files of every group, the longest group first; together they are all that have a test to run."""
+    slow = {name: took for name, (took, _) in read_seconds().items()}
+    groups, sizes = list[list[str]](), list[float]()
+    for file in sorted((ROOT / "tests").rglob("test_*.py")):
+        path = str(file.relative_to(ROOT))
+        tests = [f"{path}::{name}" for name in list_tests(file)]
+        if quick and all(name in slow for name in tests):
+            continue
+        size = sum(ANY_TEST if quick else slow.get(name, ANY_TEST) for name in tests if not (quick and name in slow))
+        if not groups or sizes[-1] + size > (QUICK_GROUP if quick else GROUP):
+            groups.append([])
+            sizes.append(0.0)
+        groups[-1].append(path)
+        sizes[-1] += size
+    return [group for _, group in sorted(zip(sizes, groups, strict=True), reverse=True)]
 
 
-def split_rooms(rooms: tuple[str, ...]) -> list[list[str]]:
-    """Returns the paths of a group of rooms; of a room of PARTS, every n-th file in a group of its own."""
-    if len(rooms) > 1 or rooms[0] not in PARTS:
-        return [[f"tests/{room}" for room in rooms]]
-    files = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "tests" / rooms[0]).rglob("test_*.py"))
-    return [files[first :: PARTS[rooms[0]]] for first in range(PARTS[rooms[0]])]
-
-
-def deal_files(groups: list[list[str]], count: int) -> list[list[str]]:
-    """Returns `count` groups that take about as long: files in turn, since those of a room are alike.
-
-    There are no more groups than processes at a time, because each has to load all that its tests use.
-    """
-    paths = [ROOT / path for group in groups for path in group]
-    files = [file for path in paths for file in (sorted(path.rglob("test_*.py")) if path.is_dir() else [path])]
-    return [[str(file.relative_to(ROOT)) for file in files[first::count]] for first in range(count)]
-
-
-def renew_slow_tests(times: str) -> None:
-    """Adds the tests that took too long to tests/slow_tests.txt; drops those that are no longer there.
+def tell_seconds(times: str) -> str:
+    """Returns a sentence about the seconds of a processor that the tests of each room took, the longest first.
 
     times: one test a line: seconds of a processor, seconds of a clock, name
     """
-    slow = {
-        name.split("[")[0]
-        for processor, clock, name in (line.split(" ", 2) for line in times.splitlines())
-        if float(processor) > MAX_PROCESSOR_TIME or float(clock) > MAX_TIME
-    }
-    slow |= set(SLOW_TESTS.read_text().splitlines())
-    SLOW_TESTS.write_text("".join(f"{name}\n" for name in sorted(slow) if is_test(name)))
-
-
-def is_test(name: str) -> bool:
-    """Returns True if a file has a test of this name ("tests/room/test_file.py::test_name")."""
-    file, _, function = name.partition("::")
-    path = ROOT / file
-    return path.is_file() and f"def {function}(" in path.read_text()
+    rooms = Counter[str]()
+    for processor, _, name in (line.split(" ", 2) for line in times.splitlines()):
+        rooms[name.split("/")[1] if name.count("/") > 1 else "single modules"] += float(processor)
+    each = ", ".join(f"{room} {took:.0f}" for room, took in rooms.most_common())
+    return f"Seconds of a processor: {sum(rooms.values()):.0f} in all. {each}"
 
 
 def run_groups(groups: list[list[str]], options: list[str], jobs: int) -> list[list[str]]:

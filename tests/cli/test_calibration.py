@@ -94,7 +94,6 @@ def record(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 @pytest.mark.parametrize("command", ["paint", "doctor", "calibrate"])
 @pytest.mark.parametrize(
     ("damage", "says"),
@@ -138,7 +137,6 @@ def test_a_foreign_record_is_told_by_the_doctor(run: Run, record: Path, studio: 
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 def test_with_a_foreign_record_nothing_is_begun(run: Run, record: Path, photo: Path) -> None:
     studio = ("--brush", "fine", "--seed", 4, "--canvas", "160x120mm")
     status, _, err = run("paint", photo, "--strokes", 5, "--calibration", record, "--render-height", 64, *studio)

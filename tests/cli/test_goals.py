@@ -139,7 +139,6 @@ def test_nothing_and_too_much(photo: Path, waves: Path) -> None:
 
 @pytest.mark.slow
 def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
-    in_small_world: None,
     photo: Path,
     waves: Path,
     tmp_path: Path,
@@ -187,7 +186,7 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
 
 @pytest.mark.slow
 def test_words_are_painted_without_any_photograph(
-    in_small_world: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("sentences", "keep", "own"):
         monkeypatch.setattr(EncoderRegistry, name, getattr(QuickEncoders, name), raising=False)

@@ -24,6 +24,8 @@ picture = Image.new("RGB", (64, 48), (120, 170, 220))
 ImageDraw.Draw(picture).rectangle((10 * seed, 10, 10 * seed + 8, 40), fill=(200, 40, 30))
 picture.save(out)
 """
+CHEAP = ("--canvas", "120x90mm", "--render-height", 64)
+SMALL = ("--strokes", 8, "--colors", 2, *CHEAP, "--effort", 0.05, "--out", "planned")
 
 
 @pytest.fixture
@@ -45,32 +47,12 @@ def say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureF
 @pytest.mark.slow
 def test_a_plan_from_words_by_a_program(say: Callable[..., str], tmp_path: Path) -> None:
     maker = f"command:{sys.executable} maker.py {{words}} {{seed}} {{out}}"
-    small = (
-        "--strokes",
-        8,
-        "--colors",
-        2,
-        "--canvas",
-        "120x90mm",
-        "--render-height",
-        64,
-        "--effort",
-        0.05,
-        "--seed",
-        3,
-    )
     asked = ("--text", "a red tower", "--imagine", maker, "--imagine-pictures", 1)
-    said = say("plan", *asked, *small, "--out", "planned")
+    said = say("plan", *asked, *SMALL, "--seed", 3)
     assert said.startswith("0: ") and "Made from 'a red tower' by command" in said and "(seed 3)" in said, said
     record = json.loads((tmp_path / "planned" / "goal" / "1" / "making.json").read_text())
     assert record["words"] == "a red tower" and record["chosen"] == "a-red-tower-1.png"
     assert '= "1/a-red-tower-1.png"' in (tmp_path / "planned" / "goal" / "goal.toml").read_text()
-
-
-SMALL = (
-    *("--strokes", 8, "--colors", 2, "--canvas", "120x90mm", "--render-height", 64, "--effort", 0.05),
-    *("--out", "planned"),
-)
 
 
 @pytest.mark.slow
@@ -129,7 +111,7 @@ def test_words_that_say_how_they_begin_go_the_old_way(
 def test_what_cannot_be_is_one_sentence_and_plans_nothing(
     say: Callable[..., str], tmp_path: Path, words: tuple[str, ...], says: str
 ) -> None:
-    said = say("plan", *words, "--out", "planned")
+    said = say("plan", *words, *CHEAP, "--focus", "none", "--out", "planned")
     assert said.startswith("2: ") and says in said and "Traceback" not in said, said
     assert not (tmp_path / "planned").exists() and not list(tmp_path.rglob("*.png"))
 
@@ -157,12 +139,12 @@ def test_what_cannot_be_is_one_sentence_and_plans_nothing(
 def test_whatever_refuses_a_painting_refuses_it_before_anything_is_made(
     say: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], says: str
 ) -> None:
-    """A picture may take minutes, or cost money: the same options are refused for a photograph and for words."""
+    """A picture may take minutes, or cost money."""
     monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path / "no-models"))
     images.save(torch.rand(3, 48, 64, generator=torch.Generator().manual_seed(0)), tmp_path / "photo.png")
-    for beginning in (("photo.png",), ("--text", "a hat", "--imagine", "command:touch made")):
-        said = say("paint", *beginning, *options)
-        assert said.startswith("2: ") and says in said and "Traceback" not in said, said
+    focus = () if "--focus" in options else ("--focus", "none")
+    said = say("paint", "--text", "a hat", "--imagine", "command:touch made", *CHEAP, *focus, *options)
+    assert said.startswith("2: ") and says in said and "Traceback" not in said, said
     assert not (tmp_path / "made").exists() and not list(tmp_path.rglob("a-hat*"))
 
 

@@ -99,7 +99,6 @@ def test_the_canvas_is_traced_in_the_air_before_anything_is_painted(run: Run, de
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 def test_without_a_camera_the_plan_is_painted_and_everything_says_that_nobody_looked(
     run: Run, desk: Path, grbl: Living
 ) -> None:
@@ -125,7 +124,6 @@ def test_without_a_camera_the_plan_is_painted_and_everything_says_that_nobody_lo
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 def test_killed_and_resumed_nobody_looks_either(run: Run, desk: Path, grbl: Living) -> None:
     """Fault F1: the painting process is killed."""
     robot = ("--robot", f"gcode:{grbl.name}")

@@ -145,7 +145,6 @@ def told(folder: Path) -> History:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run, easel: Path) -> None:
     shots = f"folder:{easel / 'shots'}"
     size = CanvasSize(0.14, 0.1)
@@ -172,7 +171,6 @@ def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run,
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_same_robot(run: Run, easel: Path) -> None:
     with Grbl() as grbl:
         status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", typing=["n"])
@@ -211,7 +209,6 @@ def held(folder: Path) -> list[str | None]:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 def test_a_robot_with_a_rack_changes_its_brush_by_itself(run: Run, racked: Path) -> None:
     with Grbl() as grbl:
         status, said = run("paint", "coffee.png", *SMALL, *TWO, *on(grbl.name), "--out", "it", typing=["y"])
@@ -227,7 +224,6 @@ def test_a_robot_with_a_rack_changes_its_brush_by_itself(run: Run, racked: Path)
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
     run: Run, racked: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -253,7 +249,6 @@ def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
     assert told(racked / "it").finished and told(racked / "it").painted == 4
 
 
-@pytest.mark.usefixtures("in_small_world")
 def test_a_brush_that_is_not_in_the_rack_is_refused_before_anything_moves(run: Run, racked: Path) -> None:
     text = (racked / "easel.toml").read_text().replace("fine = [", "broad = [")
     (racked / "easel.toml").write_text(text)
@@ -264,7 +259,6 @@ def test_a_brush_that_is_not_in_the_rack_is_refused_before_anything_moves(run: R
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("in_small_world")
 def test_a_board_that_restarts_is_not_painted_with_until_a_person_has_found_its_zero(run: Run, easel: Path) -> None:
     """Its counters are 0 wherever it stands: it is asked for, and then the strokes are where they belong."""
     workcell = WorkcellConfig.load(easel / "easel.toml")

@@ -15,7 +15,7 @@ SMALL = ("--render-height", "64", "--effort", "0.05", "--strokes", "4", "--color
 
 
 @pytest.fixture
-def painting(tmp_path, monkeypatch, in_small_world):
+def painting(tmp_path, monkeypatch):
     """painting(word, ...): the command's exit status, after painting a small photograph into `painted`."""
     monkeypatch.chdir(tmp_path)
     images.save(images.from_uint8(data.coffee()[::4, ::4].copy()), tmp_path / "photo.png")

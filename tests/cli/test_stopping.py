@@ -14,7 +14,7 @@ from killing import ForkedCommand
 from session.easel_errands import moves, until
 from support import data
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
+pytestmark = pytest.mark.slow
 
 SMALL = (
     "--canvas",

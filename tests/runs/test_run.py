@@ -32,7 +32,7 @@ SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fi
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _own_state_of_the_module(small_world: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def _own_state_of_the_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield

@@ -22,7 +22,7 @@ LENGTH = 0.03 * math.hypot(1, 0.5)
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _own_state_of_the_module(small_world: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+def _own_state_of_the_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -308,18 +308,3 @@ def test_a_simulated_robots_process_that_was_frozen_goes_on(tmp_path: Path) -> N
             threading.Timer(seconds, process._process.send_signal, (number,)).start()
         easel.robot.follow(stroke(easel, 0))
         easel.robot.home()
-
-
-def test_beside_twelve_busy_loops_a_virtual_painting_is_finished(tmp_path: Path) -> None:
-    """Fault B12: a very busy machine and a simulated robot."""
-    folder = tmp_path / "painting"
-    with painter(folder, robot="virtual") as process, ExitStack() as loops:
-        assert process.stdout is not None
-        assert process.stdout.readline().startswith("0"), process.stderr and process.stderr.read()
-        for _ in range(12):
-            loop = loops.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
-            loops.callback(loop.kill)
-        _, complaint = process.communicate(timeout=600)
-        assert process.returncode == 0, complaint
-    assert len(moves(folder)) == 7
-    assert not (tmp_path / "state" / "stopped").exists()

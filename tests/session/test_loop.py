@@ -45,8 +45,6 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from support.easel import NotingRobot
 from support.session import NotingPlanner, SessionSetup
 
-pytestmark = pytest.mark.usefixtures("small_world")
-
 
 @given(st.integers(1, 2000), st.integers(0, 2500))
 def test_batches_sum_up_exactly_and_differ_by_one_at_most_but_for_a_short_first_one(strokes: int, replans: int) -> None:

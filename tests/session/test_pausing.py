@@ -16,8 +16,6 @@ from frida_painter.session.journal import History, Journal
 from support.easel import NotingRobot, PatientCamera
 from support.session import SessionSetup
 
-pytestmark = pytest.mark.usefixtures("small_world")
-
 WASHED = 2 * ["rinse", "wipe"]
 
 

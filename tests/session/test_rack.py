@@ -22,8 +22,6 @@ from frida_painter.session.rehearsal import rehearse
 from support.easel import CALIBRATION, WORKSPACE
 from support.session import BRUSH, NotingPlanner, SessionSetup
 
-pytestmark = pytest.mark.usefixtures("small_world")
-
 RACK = BrushRack({"small": (0.4, -0.2, 0.1), "large": (0.45, -0.2, 0.1)}, (0.0, 0.06), 0.05)
 SMALL_TAKEN, SMALL_BACK = "take the small brush", "put the small brush back"
 LARGE_TAKEN, LARGE_BACK = "take the large brush", "put the large brush back"

@@ -7,6 +7,7 @@ Each is a test of pytest, and prints what it measured of every seed. Words after
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
@@ -15,7 +16,8 @@ from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import StudioSettings
 from support.coffee import OFF, error, error_with_looks, paint_coffee
-from support.small_world import small_world
+from support.small_world import fine_registration, small_world
+from support.virtual_painting import VirtualPainting
 
 SEEDS = range(5)
 # Bands that leak into each other ten times as much as those of the usual studio's camera.
@@ -76,6 +78,12 @@ def test_looking_learns_that_the_canvas_lies_lower_and_presses_deeper() -> None:
         assert "mm lower" in told[0].sentence
         ratios.append(learned / off)
     assert mean(ratios) < 0.8
+
+
+def test_no_photograph_of_a_normal_painting_is_refused(tmp_path: Path) -> None:
+    """Two dozen studios, with their own light, grain, hand and error of place."""
+    with small_world(), fine_registration():
+        assert VirtualPainting.made().refusals(tmp_path, range(24)) == {}
 
 
 if __name__ == "__main__":

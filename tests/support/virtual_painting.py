@@ -1,6 +1,6 @@
 """Paintings of twelve strokes in a small virtual studio, kept in a folder, with all that resuming them takes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,13 +12,14 @@ from frida_painter.brush.kinds import Dip, brush_kind
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import PaintingPaused
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session import resuming
-from frida_painter.session.events import Event
+from frida_painter.session.events import Event, Paused
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
@@ -102,6 +103,26 @@ class VirtualPainting:
         journal.close()
         studio.close()
         return studio
+
+    def pauses(self, folder: Path, faults: Faults, seed: int = 0, plan: Plan | None = None) -> list[Paused]:
+        """The pauses of a painting, by a plan that was made before where there is one; nobody has it go on."""
+        heard: list[Event] = []
+        journal = Journal.begin(folder, {}, {})
+        session, studio = self.session(folder, journal, seed=seed, faults=faults, notify=heard.append)
+        try:
+            assert session.run(STROKES, 3, plan).painted == STROKES
+        except PaintingPaused as paused:
+            assert "has paused after" in str(paused)
+        finally:
+            journal.close()
+            studio.close()
+        return [event for event in heard if isinstance(event, Paused)]
+
+    def refusals(self, folder: Path, seeds: Iterable[int]) -> dict[int, list[Paused]]:
+        """Pauses of paintings by one plan in studios of these seeds, of those that paused."""
+        plan = self.planner.plan(torch.ones(3, *self.planner.bare.shape[1:]), STROKES, 3, lambda step: None)
+        pauses = {seed: self.pauses(folder / str(seed), NO_FAULTS, seed, plan) for seed in seeds}
+        return {seed: found for seed, found in pauses.items() if found}
 
     def resume(self, folder: Path, *, repaint: bool = False) -> tuple[Painting, VirtualStudio, History]:
         journal, history = Journal.reopen(folder)
