@@ -259,12 +259,10 @@ def learn_on(bar: Progress, model: str, library: "StrokeLibrary", kind: "BrushKi
     return learn(model, library, kind, seed=seed, notify=hear)
 
 
-def paint_library(
-    kind: "BrushKind", brush: str, out: Path, count: int, seed: int, refill_every: int = 1
-) -> "StrokesFinding":
+def paint_library(kind: "BrushKind", out: Path, count: int, seed: int, refill_every: int = 1) -> "StrokesFinding":
     """Has the virtual studio paint a library of strokes into a file, and shows the progress.
 
-    kind: brush that paints, perhaps with a family; brush: name of the studio's brush.
+    kind: brush that paints, perhaps with a family.
     """
     from frida_painter.brush.library import Flaw
     from frida_painter.easel.dialogue import lead
