@@ -89,7 +89,7 @@ def measure(task: tuple[str, int], case: Case) -> Figures:
     scattered = uniform(case.strokes, model.limits, size, torch.Generator().manual_seed(seed))
     iterations = affordable(scattered, coarse, spent)
     begun = time.process_time()
-    scattered, _ = optimize(scattered, coarse, iterations=iterations, light_to_dark=False)
+    scattered, _ = optimize(scattered, coarse, iterations=iterations)
     plain = settle(scattered, fine, case.budget - (time.process_time() - begun))
 
     begun = time.process_time()
@@ -120,23 +120,23 @@ def measure(task: tuple[str, int], case: Case) -> Figures:
 def grow(case: Case, coarse: PlanningProblem, small: Tensor, seed: int) -> Strokes:
     """The planner's start, colours free and in any order: growth, then weak strokes move, on the coarse picture."""
     generator = torch.Generator().manual_seed(seed)
-    strokes, _ = progressive(
+    strokes = progressive(
         case.strokes, coarse, small,
-        paints=None, light_to_dark=False, growth=case.effort.growth, generator=generator,
+        growth=case.effort.growth, generator=generator,
     )  # fmt: skip
     for _ in range(case.effort.relocations):
         strokes, _ = relocate(
             strokes, None, coarse, small,
-            share=MOVING, light_to_dark=False, proposals=PROPOSALS, generator=generator,
+            share=MOVING, proposals=PROPOSALS, generator=generator,
         )  # fmt: skip
-        strokes, _ = optimize(strokes, coarse, iterations=case.effort.refining, light_to_dark=False)
+        strokes, _ = optimize(strokes, coarse, iterations=case.effort.refining)
     return strokes
 
 
 def affordable(strokes: Strokes, problem: PlanningProblem, seconds: float) -> int:
     """How many iterations fit into so many CPU seconds; finding out is not counted against them."""
     probe = 10
-    steps = partial(optimize, strokes, problem, iterations=probe, light_to_dark=False)
+    steps = partial(optimize, strokes, problem, iterations=probe)
     steps()  # warms up
     return max(1, math.floor(SAFETY * seconds / (cpu_seconds(steps) / (probe + 1))))
 
@@ -153,7 +153,7 @@ def settle(strokes: Strokes, problem: PlanningProblem, seconds: float) -> float:
         if time.process_time() - begun <= seconds:
             losses.append(step.loss)
 
-    optimize(strokes, problem, iterations=iterations, light_to_dark=False, notify=tell)
+    optimize(strokes, problem, iterations=iterations, notify=tell)
     return psnr(min(losses))
 
 
@@ -185,8 +185,8 @@ def free_plan(
     effort = case.effort
     growing = min(effort.growth.rounds, case.strokes) * effort.growth.settling
     made = growing + effort.relocations * effort.refining + effort.polishing
-    strokes, _ = optimize(strokes, coarse, iterations=planner.iterations(case.strokes) - made, light_to_dark=False)
-    return optimize(strokes, fine, iterations=effort.polishing, light_to_dark=False)[0]
+    strokes, _ = optimize(strokes, coarse, iterations=planner.iterations(case.strokes) - made)
+    return optimize(strokes, fine, iterations=effort.polishing)[0]
 
 
 @torch.no_grad()

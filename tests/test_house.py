@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import frida_painter
+from frida_painter import registry
 from frida_painter.compiled import LOOPS
 
 ROOT = Path(frida_painter.__file__).parent
@@ -312,9 +313,8 @@ def test_the_checker_passes_what_is_right_and_refuses_strangers(tmp_path: Path) 
 
 
 def test_a_short_module_has_two_readers_or_is_an_entry_point() -> None:
-    count = readers(imports_below(ROOT, "frida_painter"))
-    project = tomllib.loads((CONTRIBUTING.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    points = {target.partition(":")[0] for group in project["entry-points"].values() for target in group.values()}
+    count = readers(our_imports()[1])
+    points = {target.partition(":")[0] for group in registry.OUR_PARTS.values() for target in group.values()}
     points |= {f"frida_painter.{name}" for half in LOOPS for name in half}
     for path, source in sources().items():
         name = path.removesuffix(".py").replace("/", ".")

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 # Modules whose loops the planner calls, in two halves that take about as long to compile.
 LOOPS = (
-    ("frame_kernels", "brush.table_kernels", "planning.variable_kernels", "planning.wet_kernels"),
+    ("frame_kernels", "brush.table_kernels", "planning.kernels"),
     ("render.kernels",),
 )
 _HERE = Path(__file__).parent

@@ -6,7 +6,8 @@ name that a person types:
     [project.entry-points."frida_painter.robots"]
     mybot = "mybot.driver:KIND"
 
-The parts of this project are registered in the same way.
+The parts of this project are registered in the same way, by entry_points.txt. It is also read here, because the
+metadata of an editable installation may be out of date, and has no order.
 """
 
 import inspect
@@ -15,15 +16,14 @@ import shlex
 import shutil
 import sys
 import sysconfig
-import tomllib
 from collections.abc import Iterator, Mapping
+from configparser import ConfigParser
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import (
     EntryPoint,
     PackageNotFoundError,
-    distribution,
     distributions,
     entry_points,
     requires,
@@ -65,6 +65,17 @@ PICTURE_LIBRARIES = "frida_painter.picture_libraries"
 PICTURE_MAKERS = "frida_painter.picture_makers"
 
 _GROUPS = "frida_painter."
+
+
+def _read_parts() -> Mapping[str, Mapping[str, str]]:
+    """Returns the parts that entry_points.txt lists."""
+    table = ConfigParser(delimiters=("=",), interpolation=None)
+    table.read_string(Path(__file__).with_name("entry_points.txt").read_text("utf-8"))
+    return {group: dict(table[group]) for group in table.sections()}
+
+
+OUR_PARTS = _read_parts()
+"""Parts of this project: "module:object" by group and name."""
 
 
 @dataclass(frozen=True)
@@ -111,22 +122,6 @@ class Part:
         return found
 
 
-@cache
-def our_parts() -> Mapping[str, Mapping[str, str]]:
-    """Returns the parts of this project, "module:object" by group and name.
-
-    A checkout's own pyproject.toml counts, because the metadata of an editable installation may be out of date.
-    """
-    checkout = Path(__file__).parents[2] / "pyproject.toml"
-    if checkout.is_file():
-        project: Mapping[str, Any] = tomllib.loads(checkout.read_text("utf-8"))["project"]
-        return dict(project["entry-points"])
-    found: dict[str, dict[str, str]] = {}
-    for point in distribution(OURS).entry_points:
-        found.setdefault(point.group, {})[point.name] = point.value
-    return found
-
-
 @dataclass(frozen=True)
 class Later:
     """Function or class of a module that is imported when it is called, not before.
@@ -144,7 +139,7 @@ class Later:
 def names_of_others(group: str) -> tuple[str, ...]:
     """Returns the names that other packages register in a group, without those of this project; imports nothing."""
     theirs = {point.name for point in _points_of_others(tuple(sys.path)) if point.group == group}
-    return tuple(sorted(theirs - our_parts().get(group, {}).keys()))
+    return tuple(sorted(theirs - OUR_PARTS.get(group, {}).keys()))
 
 
 def modules_of_others() -> Mapping[str, tuple[str, ...]]:
@@ -186,12 +181,12 @@ def parts(group: str) -> Mapping[str, Part]:
     Reads metadata and imports nothing. A name of this project always means its own part. If several other
     packages register one name, `Part.load` raises an error. Packages with unreadable metadata are skipped.
     """
-    ours = {name: Part(group, name, target, (OURS,)) for name, target in our_parts().get(group, {}).items()}
+    ours = {name: Part(group, name, target, (OURS,)) for name, target in OUR_PARTS.get(group, {}).items()}
     others: dict[str, Part] = {}
     for point in _points(group):
         package = point.dist.name if point.dist is not None else "unknown"
         known = others.get(point.name)
-        if point.name not in ours:
+        if point.name not in ours and package != OURS:
             before = known.packages if known is not None else ()
             others[point.name] = Part(group, point.name, point.value, (*before, package))
     return ours | dict(sorted(others.items()))

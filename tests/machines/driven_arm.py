@@ -102,9 +102,9 @@ def to_segment(places: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.nda
 def studio_arm(name: str, furnish: Callable[[CanvasSize, Any, int], ArmAndTable]) -> Iterator[None]:
     """Registers an arm of the studio, as an entry point of a package would, and forgets it."""
     FURNISHED[name] = StudioArm(name, f"{name} in the studio", furnish)
-    known = {**registry.our_parts(), registry.STUDIO_ARMS: {name: f"{__name__}:{name}"}}
+    known = {**registry.OUR_PARTS, registry.STUDIO_ARMS: {name: f"{__name__}:{name}"}}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registry, "our_parts", lambda: known)
+        patch.setattr(registry, "OUR_PARTS", known)
         yield
     del FURNISHED[name]
 

@@ -11,7 +11,6 @@ from frida_painter.mixing.paint import (
     SIX,
     PaintDataSource,
     find_acrylic,
-    read_finish,
     read_paints,
     usual_paints,
 )
@@ -38,7 +37,7 @@ def file(tmp_path: Path, text: str) -> Path:
 
 
 def test_paints_are_known_by_name_by_colour_and_by_tint(tmp_path: Path) -> None:
-    white, ochre, rose = read_paints(file(tmp_path, WHOLE))
+    (white, ochre, rose), _, _ = read_paints(file(tmp_path, WHOLE))
     assert (white.name, white.source) == ("Titanium White", PaintDataSource.published)
     assert torch.equal(white.scattering, find_acrylic("titanium white").scattering)
     assert (to_hex(ochre.color), ochre.source) == ("#b97f2c", PaintDataSource.color)
@@ -46,11 +45,12 @@ def test_paints_are_known_by_name_by_colour_and_by_tint(tmp_path: Path) -> None:
 
 
 def test_the_finish_of_paints_is_gloss_or_what_their_file_says(tmp_path: Path) -> None:
-    assert read_finish(file(tmp_path, WHOLE)) is Finish.gloss
-    assert read_finish(file(tmp_path, f"finish = 'matte'\n{WHOLE}")) is Finish.matte
-    assert len(read_paints(tmp_path / "paints.toml")) == 3
-    with pytest.raises(ConfigError, match="finish 'satin'; it is matte or gloss"):
-        read_finish(file(tmp_path, f"finish = 'satin'\n{WHOLE}"))
+    assert read_paints(file(tmp_path, WHOLE))[1:] == (Finish.gloss, "kubelka-munk")
+    assert read_paints(file(tmp_path, f"finish = 'matte'\nmixer = 'own'\n{WHOLE}"))[1:] == (Finish.matte, "own")
+    with pytest.raises(ConfigError, match="finish is 'satin', and it is matte or gloss"):
+        read_paints(file(tmp_path, f"finish = 'satin'\n{WHOLE}"))
+    with pytest.raises(ConfigError, match="mixer is '3', and it is a name"):
+        read_paints(file(tmp_path, f"mixer = 3\n{WHOLE}"))
 
 
 def test_films_over_white_and_black_are_measured_against_the_white_of_the_file(tmp_path: Path) -> None:
@@ -64,7 +64,7 @@ def test_films_over_white_and_black_are_measured_against_the_white_of_the_file(t
     over_white = "#f4d21f"
     over_black = "#5c5a1a"
     """
-    white, yellow = read_paints(file(tmp_path, films))
+    (white, yellow), _, _ = read_paints(file(tmp_path, films))
     assert white.source is yellow.source is PaintDataSource.films
     assert float(white.scattering.mean()) == pytest.approx(1)
     assert float(yellow.scattering.mean()) < 0.6, "what shows the ground scatters less"

@@ -1,5 +1,6 @@
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
@@ -10,19 +11,25 @@ from hypothesis import strategies as st
 from frida_painter.errors import ConfigError
 from frida_painter.mixing import Finish
 from frida_painter.mixing.kubelka_munk import mix_reflectance
-from frida_painter.mixing.paint import color_of, find_acrylic, usual_paints
+from frida_painter.mixing.paint import Paint, color_of, find_acrylic, usual_paints
 from frida_painter.mixing.recipe import (
     _PER_DOUBLING,
     _PER_PAINT,
     EASY_PARTS,
     MAX_PARTS,
     PARTS_WITH_TRACES,
+    PaintSet,
     Recipe,
-    recipes,
 )
 from frida_painter.palette import difference, from_hex
 
 SIX = usual_paints()
+
+
+def recipes(
+    colors: torch.Tensor, paints: Sequence[Paint], most: int = 4, finish: Finish = Finish.matte
+) -> list[Recipe]:
+    return PaintSet(tuple(paints), finish, darkest=None).mix(colors, most)
 
 
 def mixture(parts: list[int]) -> torch.Tensor:

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import tomllib
 from collections.abc import Callable, Iterator
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -22,7 +21,7 @@ from frida_painter.web.studio_folder import GoalRequest
 from frida_painter.web.web_studio import abilities
 from frida_painter.words.text import TextTerm
 
-OURS = ["image", "semantic", "sketch", "style", "text"]
+OURS = ["image", "semantic", "sketch", "text", "style"]
 Install = Callable[..., KnownKinds]
 
 
@@ -49,8 +48,7 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
 
 def test_ours_are_there_whatever_was_installed_and_are_entry_points_too(install: Install) -> None:
     assert list(install().by_name) == OURS
-    record = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))
-    named = record["project"]["entry-points"][OBJECTIVES]
+    named = registry.OUR_PARTS[OBJECTIVES]
     assert list(named) == OURS
     for name, value in named.items():
         assert EntryPoint(name, value, OBJECTIVES).load() is goal_kinds()[name]

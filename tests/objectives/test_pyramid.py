@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 import torch
 
-from frida_painter.objectives.pyramid import color_in
+from frida_painter.objectives.text_loss import color_in
 from frida_painter.objectives.word_settings import ClipWork
 from support.networks import RandomReader
 
@@ -44,7 +44,7 @@ def test_the_time_is_told_after_the_second_step() -> None:
 def test_a_first_picture_that_takes_longer_is_told_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each step takes a second; from the fourth on other programs take three quarters of the machine."""
     times = iter([0, 9, *range(10, 12), *range(14, 90, 4)])
-    monkeypatch.setattr("frida_painter.objectives.pyramid.time", SimpleNamespace(monotonic=lambda: next(times)))
+    monkeypatch.setattr("frida_painter.objectives.text_loss.time", SimpleNamespace(monotonic=lambda: next(times)))
     told: list[str] = []
     color_in(lambda pictures: pictures.mean((1, 2, 3)), READER, (30, 40), 0, ClipWork(4, 9, 10), tell=told.append)
     assert told[0].endswith("in about 7 s; the plan follows.")

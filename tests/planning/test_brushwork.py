@@ -76,7 +76,7 @@ def test_where_the_direction_turns_strokes_bend_with_it_and_are_shorter() -> Non
 def test_placed_strokes_have_the_brushwork() -> None:
     def agreement(of: torch.Tensor | None) -> float:
         found = best_proposals(
-            Strokes.empty(), None, 12, replace(PROBLEM, brushwork=of), target(PROBLEM), 12, light_to_dark=True,
+            Strokes.empty(), None, 12, replace(PROBLEM, brushwork=of), target(PROBLEM), 12,
             generator=torch.Generator().manual_seed(0),
         )  # fmt: skip
         return float(torch.cos(2 * (found.strokes.angle - 1.2)).mean())

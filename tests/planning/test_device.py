@@ -1,6 +1,5 @@
 """Planning on another device than the CPU: one that is pretended, so that it needs no GPU."""
 
-import importlib.util
 import math
 from collections import Counter
 from dataclasses import replace
@@ -14,8 +13,7 @@ from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.encoders.clip import Clip
-from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+from frida_painter.objectives.encoders.clip import Clip, ClipResNet
 from frida_painter.objectives.encoders.vgg import Hed, Vgg16
 from frida_painter.objectives.image import ImageTerm, SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.interpretation import WeightedObjective, prepare
@@ -39,15 +37,6 @@ QUICK = Effort(Growth(2, 2, 4), relocations=1, refining=2, drawing=1, binding=2,
 BARE = torch.ones(3, 64, 85)
 LINES = torch.ones(3, 64, 85)
 LINES[:, 30:33, 10:70] = 0
-
-
-@pytest.fixture
-def without_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The CPU renders as other devices do."""
-    there = importlib.util.find_spec
-    monkeypatch.setattr(
-        "frida_painter.render.painting.find_spec", lambda name: None if name == "numba" else there(name)
-    )
 
 
 def planner(wanted: Goal, device: torch.device | None) -> Planner:
@@ -82,7 +71,7 @@ def alike(one: Plan, other: Plan) -> None:
 
 
 @pytest.mark.slow
-def test_everything_is_planned_on_the_device_and_comes_back_the_same(without_compiler) -> None:
+def test_everything_is_planned_on_the_device_and_comes_back_the_same() -> None:
     plan, bound, again, picture_after, loss, known = everything(planner(goal(), None))
     with elsewhere() as device:
         theirs = everything(planner(goal(), device))
@@ -262,7 +251,7 @@ def test_networks_in_half_precision_see_nearly_the_same_in_full_precision(tmp_pa
     )
     views = picture(64, 64)[None]
     whole = [look(views) for look in looks]
-    for module in ("vgg", "clip", "clip_resnet", "classifiers"):
+    for module in ("vgg", "clip", "classifiers"):
         monkeypatch.setattr(
             f"frida_painter.objectives.encoders.{module}.half_precision",
             lambda device: torch.autocast("cpu", dtype=torch.bfloat16),

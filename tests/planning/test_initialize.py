@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from frida_painter.palette import to_lab
 from frida_painter.planning.initialize import Growth, place, progressive, round_sizes, uniform
 from frida_painter.planning.optimize import optimize
-from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from support.planning import CANVAS, problem, target
 
@@ -25,10 +24,8 @@ def judged(strokes: Strokes) -> float:
         return float(PROBLEM.objective(PROBLEM.render(strokes)))
 
 
-def grown(count: int, seed: int = 0, growth: Growth = GROWTH, paints: Paints | None = None) -> Strokes:
-    return progressive(
-        count, PROBLEM, TARGET, paints=paints, light_to_dark=True, growth=growth, generator=chance(seed)
-    )[0]
+def grown(count: int, seed: int = 0, growth: Growth = GROWTH) -> Strokes:
+    return progressive(count, PROBLEM, TARGET, growth=growth, generator=chance(seed))
 
 
 @given(st.integers(0, 20_000), st.integers(1, 50))
@@ -58,24 +55,13 @@ def test_exactly_as_many_strokes_as_were_asked_for() -> None:
 
 def test_strokes_are_placed_even_where_none_gains_any_more() -> None:
     white = torch.ones_like(TARGET)
-    strokes, _ = place(Strokes.empty(), None, 7, PROBLEM, white, 4, light_to_dark=True, generator=chance())
+    strokes = place(Strokes.empty(), 7, PROBLEM, white, 4, chance())
     assert len(strokes) == 7
 
 
-def test_a_plan_grows_from_light_to_dark_and_with_paints_in_their_colours() -> None:
+def test_a_plan_grows_from_light_to_dark() -> None:
     lightness = to_lab(grown(20).color)[:, 0]
     assert bool((lightness.diff() <= 1e-4).all())
-    palette = torch.tensor([[0.9, 0.85, 0.8], [0.8, 0.2, 0.1], [0.1, 0.15, 0.3]])
-    strokes, paints = progressive(
-        12,
-        PROBLEM,
-        TARGET,
-        paints=Paints(palette, torch.zeros(0, dtype=torch.long)),
-        light_to_dark=True,
-        growth=GROWTH,
-        generator=chance(),
-    )
-    assert paints is not None and torch.allclose(strokes.color, paints.color[paints.paint], atol=1e-6)
 
 
 def test_the_progressive_start_beats_the_uniform_one_at_as_many_iterations() -> None:

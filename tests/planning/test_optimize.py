@@ -110,12 +110,6 @@ def test_every_colour_is_of_the_palette_and_the_palette_may_move_or_not() -> Non
         assert sorted(kept.paint.tolist()) == sorted(paints.paint.tolist())
 
 
-def test_any_order_may_be_kept() -> None:
-    strokes = some_strokes(8)[torch.arange(7, -1, -1)]
-    found, _ = optimize(strokes, PROBLEM, iterations=3, light_to_dark=False)
-    assert (to_lab(found.color)[:, 0].diff() >= -3).all()
-
-
 def test_the_third_step_that_is_not_finite_ends_it() -> None:
     """Fault F29: values that are not finite while planning."""
     steps: list[Step] = []

@@ -31,7 +31,7 @@ def test_proposals_may_be_painted_and_lie_where_the_error_is() -> None:
 
 def test_the_gain_of_a_stroke_on_a_blank_canvas_is_the_fall_of_the_squared_error() -> None:
     """The gain is summed over a coarse mark, which costs a few per cent."""
-    under = layers(Strokes.empty(), PROBLEM, light_to_dark=True)
+    under = layers(Strokes.empty(), PROBLEM)
     gain, colored, _ = weigh(proposals(60), under, TARGET, None, PROBLEM)
     bare = squared_error(Strokes.empty())
     fall = torch.tensor([bare - squared_error(colored[[number]]) for number in range(len(colored))])
@@ -47,15 +47,13 @@ def test_gains_count_by_how_much_each_place_matters() -> None:
         with torch.no_grad():
             return float((matters * (TARGET - PROBLEM.render(strokes)).square()).sum())
 
-    gain, colored, _ = weigh(
-        proposals(60), layers(Strokes.empty(), weighted, light_to_dark=True), TARGET, None, weighted
-    )
+    gain, colored, _ = weigh(proposals(60), layers(Strokes.empty(), weighted), TARGET, None, weighted)
     fall = torch.tensor([error(Strokes.empty()) - error(colored[[number]]) for number in range(len(colored))])
     assert (gain - fall).abs().mean() < 0.06 * fall.abs().mean()
 
 
 def test_a_proposal_takes_the_mean_colour_of_what_it_covers() -> None:
-    under = layers(Strokes.empty(), PROBLEM, light_to_dark=True)
+    under = layers(Strokes.empty(), PROBLEM)
     _, colored, _ = weigh(proposals(10, seed=2), under, TARGET, None, PROBLEM)
     with torch.no_grad():
         for number in range(10):
@@ -67,7 +65,7 @@ def test_a_proposal_takes_the_mean_colour_of_what_it_covers() -> None:
 
 def test_the_gain_of_a_stroke_among_others_is_foreseen_where_it_will_lie_in_the_order() -> None:
     painted = some_strokes(12, seed=3)
-    under = layers(painted, PROBLEM, light_to_dark=True)
+    under = layers(painted, PROBLEM)
     gain, colored, _ = weigh(proposals(60, seed=1), under, TARGET, None, PROBLEM)
     place = under.place_of(colored.color)
     before = squared_error(painted)
@@ -83,7 +81,7 @@ def test_the_gain_of_a_stroke_among_others_is_foreseen_where_it_will_lie_in_the_
 
 def test_with_paints_every_proposal_takes_one_of_them() -> None:
     palette = torch.tensor([[0.9, 0.9, 0.8], [0.8, 0.2, 0.1], [0.1, 0.1, 0.3]])
-    under = layers(Strokes.empty(), PROBLEM, light_to_dark=True)
+    under = layers(Strokes.empty(), PROBLEM)
     _, colored, paint = weigh(proposals(40), under, TARGET, Paints(palette, torch.zeros(0).long()), PROBLEM)
     assert paint is not None and torch.equal(colored.color, palette[paint])
     assert set(paint.tolist()) == {0, 1, 2}
@@ -91,13 +89,11 @@ def test_with_paints_every_proposal_takes_one_of_them() -> None:
 
 def test_layers_know_what_lies_below_and_how_much_shines_through_from_above() -> None:
     painted = some_strokes(6)
-    under = layers(painted, PROBLEM, light_to_dark=True)
+    under = layers(painted, PROBLEM)
     assert torch.equal(under.below[0], PROBLEM.canvas)
     assert torch.allclose(under.below[-1], under.picture) and torch.allclose(under.picture, PROBLEM.render(painted))
     assert bool((under.open[-1] == 1).all())
     assert bool((under.open.diff(dim=0) >= -1e-6).all()), "the higher a layer, the more of it is seen"
-    top = layers(painted, PROBLEM, light_to_dark=False)
-    assert len(top.below) == 1 and bool((top.open == 1).all())
 
 
 def test_picked_strokes_gain_most_and_keep_clear_of_each_other() -> None:

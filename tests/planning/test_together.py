@@ -78,9 +78,7 @@ def test_no_stroke_is_proposed_where_later_layers_cover_the_canvas() -> None:
     assert seen.importance is not None
     covered = seen.importance < 0.01
     assert float(covered.float().mean()) > 0.1
-    found = best_proposals(
-        some_strokes(4), None, 12, seen, wanted, 24, light_to_dark=True, generator=torch.Generator().manual_seed(1)
-    )
+    found = best_proposals(some_strokes(4), None, 12, seen, wanted, 24, generator=torch.Generator().manual_seed(1))
     rows, columns = covered.shape
     column = (found.strokes.position[:, 0] / CANVAS.width * columns).long().clamp(0, columns - 1)
     row = ((1 - found.strokes.position[:, 1] / CANVAS.height) * rows).long().clamp(0, rows - 1)

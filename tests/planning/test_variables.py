@@ -21,10 +21,10 @@ def random_paints(strokes: int, colors: int, seed: int) -> Paints:
     return Paints(color, torch.randint(colors, (strokes,), generator=chance))
 
 
-@given(st.integers(1, 20), st.integers(0, 2**31), st.booleans())
-def test_strokes_come_back_from_the_variables_as_they_went_in(count: int, seed: int, ordered: bool) -> None:
+@given(st.integers(1, 20), st.integers(0, 2**31))
+def test_strokes_come_back_from_the_variables_as_they_went_in(count: int, seed: int) -> None:
     strokes = some_strokes(count, seed, F64)
-    back = Variables(strokes, None, vary_colors=True, light_to_dark=ordered).strokes()
+    back = Variables(strokes, None, vary_colors=True).strokes()
     for name in GROUPS:
         assert torch.allclose(getattr(back, name), getattr(strokes, name), rtol=0, atol=1e-12), name
 
@@ -32,7 +32,7 @@ def test_strokes_come_back_from_the_variables_as_they_went_in(count: int, seed: 
 @given(st.integers(1, 20), st.integers(1, 5), st.integers(0, 2**31))
 def test_with_paints_every_stroke_has_the_colour_of_its_paint(count: int, colors: int, seed: int) -> None:
     strokes, paints = some_strokes(count, seed, F64), random_paints(count, colors, seed)
-    variables = Variables(strokes, paints, vary_colors=True, light_to_dark=True)
+    variables = Variables(strokes, paints, vary_colors=True)
     assert torch.allclose(variables.strokes().color, paints.color[paints.paint], rtol=0, atol=1e-12)
     kept = variables.paints()
     assert kept is not None and torch.equal(kept.paint, paints.paint)
@@ -46,7 +46,7 @@ def test_the_order_goes_from_light_to_dark_and_keeps_equals_as_they_were(
     strokes = some_strokes(count, seed)[torch.randperm(count, generator=torch.Generator().manual_seed(seed))]
     chosen = random_paints(count, 3, seed)
     paints = Paints(chosen.color.float(), chosen.paint) if with_paints else None
-    variables = Variables(strokes, paints, vary_colors=True, light_to_dark=True)
+    variables = Variables(strokes, paints, vary_colors=True)
     order = variables.order()
     assert sorted(order.tolist()) == list(range(count))
     # What the planner sorts by is the lightness of each paint, which float32 gives to a few millionths.
@@ -58,20 +58,15 @@ def test_the_order_goes_from_light_to_dark_and_keeps_equals_as_they_were(
             assert bool((mine.diff() > 0).all())
 
 
-def test_any_other_order_is_the_one_given() -> None:
-    variables = Variables(some_strokes(7), None, vary_colors=True, light_to_dark=False)
-    assert variables.order().tolist() == list(range(7))
-
-
 def test_colours_that_are_not_to_vary_are_no_leaves() -> None:
-    fixed = Variables(some_strokes(3), None, vary_colors=False, light_to_dark=True)
+    fixed = Variables(some_strokes(3), None, vary_colors=False)
     assert len(fixed.leaves) == 1 and fixed.leaves[0].shape == (3, 6)
-    assert len(Variables(some_strokes(3), None, vary_colors=True, light_to_dark=True).leaves) == 2
+    assert len(Variables(some_strokes(3), None, vary_colors=True).leaves) == 2
 
 
 @pytest.mark.slow
 def test_gradients_arrive_in_every_variable() -> None:
-    variables = Variables(some_strokes(4, dtype=F64), None, vary_colors=True, light_to_dark=True)
+    variables = Variables(some_strokes(4, dtype=F64), None, vary_colors=True)
 
     def everything(shape: torch.Tensor, color: torch.Tensor) -> tuple[torch.Tensor, ...]:
         variables.shape, variables.color = shape, color
@@ -83,7 +78,7 @@ def test_gradients_arrive_in_every_variable() -> None:
 
 def test_turning_a_stroke_leaves_its_middle_where_it_is() -> None:
     strokes = some_strokes(6, dtype=F64)
-    variables = Variables(strokes, None, vary_colors=True, light_to_dark=True)
+    variables = Variables(strokes, None, vary_colors=True)
     with torch.no_grad():
         variables.shape[:, 2] += 5
         variables.shape[:, 3] += 2
@@ -119,7 +114,7 @@ def test_a_palette_that_left_srgb_is_brought_back() -> None:
 def test_colours_that_may_change_become_those_of_paint_and_mixed_ones_stay(count: int, colors: int, seed: int) -> None:
     strokes, paints = some_strokes(count, seed, F64), random_paints(count, colors, seed)
     for given_paints, may_change in ((None, True), (paints, True), (paints, False)):
-        variables = Variables(strokes, given_paints, vary_colors=may_change, light_to_dark=True)
+        variables = Variables(strokes, given_paints, vary_colors=may_change)
         before = variables.strokes()
         variables.bring_inside(LIMITS, SIZE, lambda color: color.clamp(min=0.25))
         wanted = before.color.clamp(min=0.25) if may_change else before.color
@@ -144,7 +139,7 @@ def test_compiled_strokes_and_their_slopes_are_the_plain_ones(
     upstream = {name: torch.randn(part.shape, generator=chance).to(part) for name, part in strokes.arrays().items()}
     found = []
     for kind in (Variables, Plain):
-        variables = kind(strokes, paints, vary_colors=True, light_to_dark=True)
+        variables = kind(strokes, paints, vary_colors=True)
         back = variables.strokes(order)
         total = sum((part * upstream[name]).sum() for name, part in back.arrays().items())
         found.append((back.detach(), *torch.autograd.grad(total, variables.leaves)))
@@ -162,7 +157,7 @@ def test_strokes_are_brought_inside_as_they_are_projected(count: int, seed: int,
     wild = astray * torch.randn(count, 6, generator=chance, dtype=F64)
     wild[: count // 2, 4] *= chance.initial_seed() % 2  # some that are straight
     for kind in (Variables, Plain):
-        variables = kind(strokes, None, vary_colors=False, light_to_dark=True)
+        variables = kind(strokes, None, vary_colors=False)
         with torch.no_grad():
             variables.shape += wild
         wanted = variables.strokes().detach().project(LIMITS, SIZE)
@@ -177,7 +172,7 @@ def test_strokes_are_brought_inside_as_they_are_projected(count: int, seed: int,
 
 def test_a_shape_that_is_not_finite_stays_so() -> None:
     for kind in (Variables, Plain):
-        variables = kind(some_strokes(3), None, vary_colors=False, light_to_dark=True)
+        variables = kind(some_strokes(3), None, vary_colors=False)
         with torch.no_grad():
             variables.shape[1, 3] = math.nan
         variables.bring_inside(LIMITS, SIZE, lambda color: color)

@@ -3,8 +3,9 @@ from collections.abc import Callable
 import pytest
 import torch
 
+from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import usual_paints
-from frida_painter.mixing.recipe import recipes
+from frida_painter.mixing.recipe import PaintSet
 from frida_painter.palette import from_hex
 from frida_painter.report.sheets import mixing_sheet
 from frida_painter.sheet import A4
@@ -15,7 +16,7 @@ COLORS = torch.stack([from_hex(text) for text in ("#e9dccb", "#c9a27e", "#7d9a57
 
 @pytest.fixture(scope="module")
 def found() -> list:
-    return recipes(COLORS, usual_paints())
+    return PaintSet(usual_paints(), Finish.matte, darkest=None).mix(COLORS)
 
 
 def test_the_sheet_looks_as_it_was_found_good(found: list, snapshot: Callable[..., None]) -> None:

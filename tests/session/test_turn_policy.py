@@ -13,7 +13,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.palette import Palette
-from frida_painter.perception.changes import find_painted
+from frida_painter.perception.frame_check import find_painted
 from frida_painter.plan import Plan
 from frida_painter.session.spirit import touches, trace_strokes
 from frida_painter.session.turn_policy import TurnTaken, answer_turn, find_turn_policy, take_turn
@@ -141,7 +141,7 @@ def test_without_a_goal_every_policy_continues_the_drawing(name: str) -> None:
 
 
 def test_every_policy_of_ours_is_found_by_its_name_and_no_other() -> None:
-    assert [find_turn_policy(name).name for name in registry.our_parts()[registry.TURN_POLICIES]] == [
+    assert [find_turn_policy(name).name for name in registry.OUR_PARTS[registry.TURN_POLICIES]] == [
         "alternate", "continue", "fill", "side",
     ]  # fmt: skip
     with pytest.raises(ConfigError, match="no way of taking turns 'dance'"):

@@ -92,7 +92,7 @@ def test_a_table_stands_in_for_its_model_and_its_loops_for_pytorch():
 
 def test_variables_give_back_strokes_and_their_slopes():
     strokes = some(4)
-    variables = Variables(strokes, None, vary_colors=True, light_to_dark=False)
+    variables = Variables(strokes, None, vary_colors=True)
     found = variables.strokes()
     torch.testing.assert_close(found.path(torch.linspace(0, 1, 9)), strokes.path(torch.linspace(0, 1, 9)))
     found.path(torch.tensor([0.3, 0.9])).square().sum().backward()

@@ -12,8 +12,7 @@ from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
-from frida_painter.objectives.pyramid import draw_pyramid
-from frida_painter.objectives.text_loss import Text, wish
+from frida_painter.objectives.text_loss import Text, draw_pyramid, wish
 from frida_painter.objectives.word_settings import Beginning, ClipWork, WordSettings
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.settle import open_planner

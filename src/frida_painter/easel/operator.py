@@ -7,8 +7,9 @@ from torch import Tensor
 
 from frida_painter.easel.dialogue import Answer, Confirm, Question
 from frida_painter.errors import Interrupted
+from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import usual_paints
-from frida_painter.mixing.recipe import recipes
+from frida_painter.mixing.recipe import PaintSet
 from frida_painter.palette import Palette, to_hex
 from frida_painter.sheet import CREAM, INK, Grid, Sheet, to_bytes
 
@@ -43,8 +44,7 @@ class PersonAsOperator:
 
     def change_brush(self, brush: str) -> None:
         """Returns when the person says that the brush is in the holder. Raises Interrupted if the person declines."""
-        question = f"{self._changing_to(brush)} Is it done?"
-        if self._answer(Confirm(question)) is not True:
+        if self._answer(Confirm(f"{self._changing_to(brush)} Is it done?")) is not True:
             raise Interrupted(
                 f"The {brush} brush was not there, and nothing was painted with another; resume when it is."
             )
@@ -128,7 +128,7 @@ def brush_in_hand(brushes: Sequence[str], answer: Callable[[Question], Answer] |
 
 def ground_recipe(ground: tuple[float, float, float]) -> str:
     """Returns a ground's colour with its mixture of six usual paints: "#c8a878 (6 titanium white + 1 hansa yellow)"."""
-    (recipe,) = recipes(torch.tensor([ground]), usual_paints())
+    (recipe,) = PaintSet(usual_paints(), Finish.matte, darkest=None).mix(torch.tensor([ground]))
     return f"{to_hex(recipe.target)} ({recipe.words})"
 
 

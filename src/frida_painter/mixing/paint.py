@@ -249,8 +249,10 @@ def usual_paints() -> tuple[Paint, ...]:
     return tuple(find_acrylic(name) for name in SIX)
 
 
-def read_paints(path: Path) -> tuple[Paint, ...]:
-    """Reads the paints of a TOML file with [[paint]] entries. Raises ConfigError that names all faults.
+def read_paints(path: Path) -> tuple[tuple[Paint, ...], Finish, str]:
+    """Reads paints, finish and mixer of a TOML file with [[paint]] entries. Raises ConfigError that names all faults.
+
+    Without entries the finish is gloss, and the mixer "kubelka-munk".
 
     An entry has a name. A published paint needs nothing else. Other paints have `color` ("#rrggbb" of a thick
     mark), better with `tint`, the colour of one part with `white` parts of titanium white; or `over_white` and
@@ -277,29 +279,16 @@ def read_paints(path: Path) -> tuple[Paint, ...]:
     white = next((paint for paint in films if paint.name.lower() == WHITE), None)
     if films and white is None:
         faults.append(f"paints over white and black are measured against {WHITE}: give its over_white and over_black")
+    finish, mixer = values.get("finish", Finish.gloss.value), values.get("mixer", "kubelka-munk")
+    if finish not in list(Finish):
+        faults.append(f"its finish is {str(finish)[:20]!r}, and it is {' or '.join(Finish)}")
+    if not isinstance(mixer, str):
+        faults.append(f"its mixer is {str(mixer)[:20]!r}, and it is a name")
     if faults:
         raise ConfigError(f"{path} is no file of paints: {'; '.join(faults)}; {_ADVICE}.")
-    if white is None:
-        return tuple(paints)
-    unit = float(white.scattering.mean())
-    return tuple(paint.against(unit) if paint.source is PaintDataSource.films else paint for paint in paints)
-
-
-def read_finish(path: Path) -> Finish:
-    """Reads the finish of the paints in a file of paints; without an entry, gloss. Raises ConfigError."""
-    told = storage.read_toml(path, "a file of paints (TOML)", _MAX_BYTES, _ADVICE).get("finish", Finish.gloss.value)
-    if told not in list(Finish):
-        names = " or ".join(Finish)
-        raise ConfigError(f"{path} has the finish {str(told)[:20]!r}; it is {names}; {_ADVICE}.")
-    return Finish(told)
-
-
-def read_mixer(path: Path) -> str:
-    """Reads the name of the theory of mixtures in a file of paints; "kubelka-munk" without an entry."""
-    told = storage.read_toml(path, "a file of paints (TOML)", _MAX_BYTES, _ADVICE).get("mixer", "kubelka-munk")
-    if not isinstance(told, str):
-        raise ConfigError(f"{path} has the mixer {str(told)[:20]!r}; it is a name; {_ADVICE}.")
-    return told
+    unit = 1.0 if white is None else float(white.scattering.mean())
+    found = (paint.against(unit) if paint.source is PaintDataSource.films else paint for paint in paints)
+    return tuple(found), Finish(finish), mixer
 
 
 def _faults(number: int, entry: Any) -> Iterator[str]:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -16,7 +16,7 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.errors import ConfigError, PluginError
 from frida_painter.mixing import Finish
 from frida_painter.mixing.kubelka_munk import mix_reflectance
-from frida_painter.mixing.paint import Paint, color_of, read_finish, read_mixer, read_paints, usual_paints
+from frida_painter.mixing.paint import Paint, color_of, read_paints, usual_paints
 from frida_painter.palette import ciede2000, to_lab
 from frida_painter.plan import Plan
 
@@ -137,39 +137,24 @@ class PaintSet:
             return None
         if str(name) == ACRYLICS:
             return cls(usual_paints(), darkest=darkest or _BLACK)
-        file = Path(name)
-        return cls(read_paints(file), read_finish(file), darkest or _BLACK, read_mixer(file))
+        paints, finish, mixer = read_paints(Path(name))
+        return cls(paints, finish, darkest or _BLACK, mixer)
 
     def mix(self, colors: Tensor, most: int = 4) -> list[Recipe]:
-        """Returns a recipe for each colour sRGB [k, 3], of at most `most` paints."""
-        return recipes(colors, self.paints, most, self.finish, self.darkest, self.mixer)
+        """Returns a recipe for each colour sRGB [k, 3], of at most `most` paints.
 
-
-def recipes(
-    colors: Tensor,
-    paints: Sequence[Paint],
-    most: int = 4,
-    finish: Finish = Finish.matte,
-    darkest: tuple[float, float, float] | None = None,
-    mixer: str = "kubelka-munk",
-) -> list[Recipe]:
-    """Returns a recipe for each colour sRGB [k, 3] of at most `most` of the paints, in that finish.
-
-    darkest, mixer: as in PaintSet
-
-    All mixtures of three paints in rough parts are tested. The best ones are extended by a fourth paint. From
-    the best results, integer parts are changed step by step while this reduces difference plus complexity. More
-    than `EASY_PARTS` are used only if the gain is visible.
-    Raises ConfigError if there are no paints, or `most` is not from 1 to 4.
-    """
-    if not paints or not 1 <= most <= 4:
-        raise ConfigError(
-            f"{len(paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most 1 to 4."
-        )
-    ready = _Mixer(
-        paints, min(most, len(paints)), finish, darkest, registry.load_part(registry.MIXERS, mixer, MixerKind, "mixer")
-    )
-    return [_recipe(color.double(), ready) for color in colors]
+        All mixtures of three paints in rough parts are tested. The best ones are extended by a fourth paint. From
+        the best results, integer parts are changed step by step while this reduces difference plus complexity. More
+        than `EASY_PARTS` are used only if the gain is visible.
+        Raises ConfigError if there are no paints, or `most` is not from 1 to 4.
+        """
+        if not self.paints or not 1 <= most <= 4:
+            raise ConfigError(
+                f"{len(self.paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most "
+                "1 to 4."
+            )
+        ready = _Mixer(self, min(most, len(self.paints)))
+        return [_recipe(color.double(), ready) for color in colors]
 
 
 def _recipe(color: Tensor, mixer: "_Mixer") -> Recipe:
@@ -191,24 +176,19 @@ class _Mixer:
     rough: start mixtures; rough_lab: their Lab colours
     """
 
-    def __init__(
-        self,
-        paints: Sequence[Paint],
-        most: int,
-        finish: Finish,
-        darkest: tuple[float, float, float] | None,
-        kind: MixerKind,
-    ) -> None:
-        self.paints, self.most, self._finish, self._kind = paints, most, finish, kind
-        self._absorption = torch.stack([paint.absorption for paint in paints])
-        self._scattering = torch.stack([paint.scattering for paint in paints])
-        self.rough = _rough(len(paints), min(most, 3))
+    def __init__(self, owned: PaintSet, most: int) -> None:
+        self.paints, self.most, self._finish = owned.paints, most, owned.finish
+        self._kind = registry.load_part(registry.MIXERS, owned.mixer, MixerKind, "mixer")
+        self._absorption = torch.stack([paint.absorption for paint in owned.paints])
+        self._scattering = torch.stack([paint.scattering for paint in owned.paints])
+        self.rough = _rough(len(owned.paints), min(most, 3))
         self.rough_lab = to_lab(self.colors(self.rough))
         greyness = self.rough_lab[:, 1:].norm(dim=1)
         lightness = self.rough_lab[greyness <= max(_GREY, float(greyness.min())), 0]
         black, white = float(lightness.min()), float(lightness.max())
         self._ends = black if black <= _BLACK_PAINT else 0.0, white if white >= _WHITE_PAINT else 100.0
-        self._darkest = None if darkest is None else float(to_lab(torch.tensor([darkest]))[0, 0]) - _SAME_LIGHTNESS
+        darkest = None if owned.darkest is None else float(to_lab(torch.tensor([owned.darkest]))[0, 0])
+        self._darkest = None if darkest is None else darkest - _SAME_LIGHTNESS
 
     def within_lightness(self, lab: Tensor) -> Tensor:
         """Returns the Lab colour [3] with its lightness in the range of mixed greys.

@@ -182,14 +182,4 @@ class Sketch:
     def _see(self, picture: Tensor) -> list[Tensor]:
         """Returns the edges [h, w] at each blur."""
         edges = self._hed.edges(resize_to_pixels(picture, _PIXELS))
-        return [_blur(edges, share * min(edges.shape)) for share in _BLURS]
-
-
-def _blur(edges: Tensor, spread: float) -> Tensor:
-    """Blurs edges [h, w] with a Gaussian of standard deviation `spread` pixels."""
-    reach = max(1, round(2.5 * spread))
-    along = torch.arange(-reach, reach + 1, dtype=edges.dtype, device=edges.device)
-    kernel = torch.exp(-along.square() / (2 * spread**2))
-    kernel = kernel / kernel.sum()
-    rows = functional.conv2d(edges[None, None], kernel[None, None, :, None], padding=(reach, 0))
-    return functional.conv2d(rows, kernel[None, None, None, :], padding=(0, reach))[0, 0]
+        return [images.gaussian_blur(edges[None], share * min(edges.shape))[0] for share in _BLURS]

@@ -48,11 +48,11 @@ class Layers:
         return (to_lab(color)[:, :1] < self.lightness).sum(1)
 
 
-def layers(strokes: Strokes, problem: PlanningProblem, *, light_to_dark: bool) -> Layers:
-    """Returns the layers of strokes in painting order; if the order is free, the only place is on top."""
+def layers(strokes: Strokes, problem: PlanningProblem) -> Layers:
+    """Returns the layers of strokes in painting order, from light to dark."""
     magnitude, affine = problem.marks(strokes)
-    ends = _ends(strokes, light_to_dark)
-    below, picture = [], problem.canvas
+    ends = _ends(strokes)
+    below, picture = [problem.canvas], problem.canvas  # the canvas itself is a place too: below all strokes
     for part in ends:
         picture = composite(magnitude[part], affine[part], strokes.color[part], picture)
         below.append(picture)
@@ -60,19 +60,14 @@ def layers(strokes: Strokes, problem: PlanningProblem, *, light_to_dark: bool) -
     for part in reversed(ends):
         open_above.append(covering[0])
         covering = composite(magnitude[part], affine[part], torch.zeros_like(strokes.color[part]), covering)
-    if light_to_dark:
-        # The canvas itself is a place too: below all strokes.
-        below.insert(0, problem.canvas)
-        open_above.append(covering[0])
-        lightness = to_lab(strokes.color)[[part.stop - 1 for part in ends], 0]
-    else:
-        lightness = strokes.angle.new_zeros(0)
+    open_above.append(covering[0])
+    lightness = to_lab(strokes.color)[[part.stop - 1 for part in ends], 0]
     return Layers(lightness, torch.stack(below), torch.stack(open_above[::-1]), picture)
 
 
-def _ends(strokes: Strokes, light_to_dark: bool) -> list[slice]:
+def _ends(strokes: Strokes) -> list[slice]:
     """Splits the strokes into at most 12 slices, between which a new stroke may go."""
-    count = min(_PLACES, len(strokes)) if light_to_dark else 1
+    count = min(_PLACES, len(strokes))
     return [slice(len(strokes) * i // count, len(strokes) * (i + 1) // count) for i in range(count)]
 
 
@@ -233,55 +228,42 @@ def progressive(
     problem: PlanningProblem,
     target: Tensor,
     *,
-    paints: Paints | None,
-    light_to_dark: bool,
     growth: Growth,
     generator: torch.Generator,
     notify: Callable[[Step], None] = lambda step: None,
-) -> tuple[Strokes, Paints | None]:
-    """Grows `count` strokes, in painting order, towards `target` [3, H, W] (at the scene's resolution).
+) -> Strokes:
+    """Grows `count` strokes in their own colours, from light to dark, towards `target` [3, H, W].
 
     Each round proposes strokes at the errors of the current picture and places those with the largest gains.
     Gradient descent on the scene's objective then settles all strokes together.
     """
     strokes = Strokes.empty(device=problem.canvas.device)
-    if paints is not None:
-        paints = replace(paints, paint=paints.paint[:0])
     quotas = round_sizes(count, growth.rounds)
     for number, quota in enumerate(quotas):
-        strokes, paints = place(
-            strokes, paints, quota, problem, target, growth.proposals, light_to_dark=light_to_dark, generator=generator
-        )
+        strokes = place(strokes, quota, problem, target, growth.proposals, generator)
 
         def tell(step: Step, done: int = number) -> None:
             before = done * growth.settling
             notify(replace(step, iteration=before + step.iteration, of=len(quotas) * growth.settling))
 
-        strokes, paints = optimize(
-            strokes, problem, iterations=growth.settling, paints=paints, light_to_dark=light_to_dark, notify=tell
-        )
-    return strokes, paints
+        strokes, _ = optimize(strokes, problem, iterations=growth.settling, notify=tell)
+    return strokes
 
 
 def place(
     strokes: Strokes,
-    paints: Paints | None,
     count: int,
     problem: PlanningProblem,
     target: Tensor,
     proposals: int,
-    *,
-    light_to_dark: bool,
     generator: torch.Generator,
-) -> tuple[Strokes, Paints | None]:
-    """Adds `count` strokes at the places of the largest gain; strokes and paints are in painting order."""
+) -> Strokes:
+    """Adds `count` strokes at the places of the largest gain; the strokes are in painting order."""
     while count > 0:
-        found = best_proposals(
-            strokes, paints, count, problem, target, proposals, light_to_dark=light_to_dark, generator=generator
-        )
-        strokes, paints = insert(strokes, paints, found, light_to_dark=light_to_dark)
+        found = best_proposals(strokes, None, count, problem, target, proposals, generator=generator)
+        strokes, _ = insert(strokes, None, found)
         count -= len(found.strokes)
-    return strokes, paints
+    return strokes
 
 
 def optimize_target(problem: PlanningProblem) -> Tensor:
@@ -334,14 +316,13 @@ def best_proposals(
     target: Tensor,
     proposals: int,
     *,
-    light_to_dark: bool,
     generator: torch.Generator,
 ) -> Found:
     """Returns 1 to `count` strokes of the largest gain that keep clear of each other.
 
     proposals: number of proposals weighed for each stroke, at least 64 in all.
     """
-    under = layers(strokes, problem, light_to_dark=light_to_dark)
+    under = layers(strokes, problem)
     error = (target - under.picture).square().sum(0)
     if problem.importance is not None:
         error = error * problem.importance
@@ -357,15 +338,11 @@ def best_proposals(
     return Found(candidates[chosen], gain[chosen], None if paint is None else paint[chosen])
 
 
-def insert(
-    strokes: Strokes, paints: Paints | None, found: Found, *, light_to_dark: bool
-) -> tuple[Strokes, Paints | None]:
+def insert(strokes: Strokes, paints: Paints | None, found: Found) -> tuple[Strokes, Paints | None]:
     """Inserts the found strokes at their places in the painting order."""
     strokes = Strokes.join(strokes, found.strokes)
     if paints is not None and found.paint is not None:
         paints = replace(paints, paint=torch.cat([paints.paint, found.paint]))
-    if not light_to_dark:
-        return strokes, paints
     order = torch.argsort(to_lab(strokes.color)[:, 0], descending=True, stable=True)
     return strokes[order], None if paints is None else replace(paints, paint=paints.paint[order])
 

@@ -76,12 +76,10 @@ def free_strokes(
     begin: returns the callback that reports the next iterations.
     """
     notify = begin(effort.growing(count))
-    found, _ = progressive(
+    found = progressive(
         count,
         problem,
         optimize_target(problem) if guide is None else guide,
-        paints=None,
-        light_to_dark=True,
         growth=effort.growth,
         generator=generator,
         notify=notify,

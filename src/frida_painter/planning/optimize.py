@@ -53,7 +53,7 @@ class Adam:
             if leaf.grad is None:
                 continue
             if compiles_for(leaf) and leaf.is_contiguous():
-                from frida_painter.planning.variable_kernels import step
+                from frida_painter.planning.kernels import step
 
                 state = (array(tensor).reshape(-1) for tensor in (leaf, leaf.grad, mean, square))
                 step(*state, *map(array(leaf).dtype.type, (first, second, length, spread, _EPSILON)))
@@ -246,7 +246,6 @@ def optimize(
     iterations: int,
     paints: Paints | None = None,
     vary_colors: bool = True,
-    light_to_dark: bool = True,
     pace: float = 1.0,
     notify: Callable[[Step], None] = lambda step: None,
 ) -> tuple[Strokes, Paints | None]:
@@ -254,7 +253,6 @@ def optimize(
     (found,) = optimize_together(
         [StrokesInScene(strokes, problem, paints, vary_colors)],
         iterations=iterations,
-        light_to_dark=light_to_dark,
         pace=pace,
         notify=notify,
     )
@@ -265,7 +263,6 @@ def optimize_together(
     parts: Sequence[StrokesInScene],
     *,
     iterations: int,
-    light_to_dark: bool = True,
     pace: float = 1.0,
     notify: Callable[[Step], None] = lambda step: None,
     change: PictureChange | None = None,
@@ -293,7 +290,6 @@ def optimize_together(
             part.strokes,
             part.paints,
             vary_colors=part.vary_colors,
-            light_to_dark=light_to_dark,
         )
         for part in working
     ]

@@ -162,7 +162,6 @@ def relocate(
     target: Tensor,
     *,
     share: float,
-    light_to_dark: bool = True,
     proposals: int,
     generator: torch.Generator,
 ) -> tuple[Strokes, Paints | None]:
@@ -175,16 +174,14 @@ def relocate(
     if most == 0:
         return strokes, paints
     loss = loss_without(strokes, problem, target, generator)
-    found = best_proposals(
-        strokes, paints, most, problem, target, proposals, light_to_dark=light_to_dark, generator=generator
-    )
+    found = best_proposals(strokes, paints, most, problem, target, proposals, generator=generator)
     weakest = torch.argsort(loss)[: len(found.strokes)]
     count = int((found.gain > _WORTHWHILE * loss[weakest].clamp(min=0)).sum())
     stays = torch.ones(len(strokes), dtype=torch.bool, device=loss.device)
     stays[weakest[:count]] = False
     if paints is not None:
         paints = replace(paints, paint=paints.paint[stays])
-    return insert(strokes[stays], paints, found.first(count), light_to_dark=light_to_dark)
+    return insert(strokes[stays], paints, found.first(count))
 
 
 # From free colours to paints: colours move towards the paints in rounds, then strokes and paints settle together.

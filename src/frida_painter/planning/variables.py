@@ -46,8 +46,8 @@ class Variables:
     """Leaf tensors of the optimiser, made from strokes and turned back into strokes.
 
     With `paints`, each stroke has a colour of the palette, and the palette may vary too. Without `paints`, each
-    stroke has its own colour. With `light_to_dark`, the painting order is from light to dark; otherwise it is the
-    given order. The strokes belong to one family, or to none; a family has one more column for each code.
+    stroke has its own colour. The painting order is from light to dark. The strokes belong to one family, or to none;
+    a family has one more column for each code.
     """
 
     def __init__(
@@ -56,7 +56,6 @@ class Variables:
         paints: Paints | None,
         *,
         vary_colors: bool,
-        light_to_dark: bool,
     ) -> None:
         self._taught = None if strokes.taught is None else strokes.taught.detach()
         codes = 0 if self._taught is None else self._taught.code.shape[1]
@@ -66,7 +65,6 @@ class Variables:
         self.color = (free.detach().clone() / _COLOR_UNIT).requires_grad_(vary_colors)  # [n or k, 3]
         self._paints = paints
         self.paint = None if paints is None else paints.paint
-        self.light_to_dark = light_to_dark
 
     @property
     def leaves(self) -> list[Tensor]:
@@ -107,7 +105,7 @@ class Variables:
 
     @property
     def _compiled(self) -> bool:
-        """True if compiled loops do the work (variable_kernels.py); otherwise PyTorch does, with the same result."""
+        """True if compiled loops do the work (kernels.py); otherwise PyTorch does, with the same result."""
         return self._taught is None and compiles_for(self.shape)
 
     def bring_inside(self, limits: StrokeLimits, size: CanvasSize, in_paint: Callable[[Tensor], Tensor]) -> None:
@@ -118,12 +116,12 @@ class Variables:
         """
         with torch.no_grad():
             if self._compiled:
-                from frida_painter.planning import variable_kernels
+                from frida_painter.planning import kernels
 
                 number, limits = _number(self.shape), limits.within(size)
                 length, bend = (tuple(map(number, of)) for of in (limits.length, limits.bend))
                 shape, unit = array(self.shape), array(self._unit)
-                variable_kernels.bring_inside(shape, unit, length, bend, number(size.width), number(size.height))
+                kernels.bring_inside(shape, unit, length, bend, number(size.width), number(size.height))
                 torch.autograd.graph.increment_version(self.shape)
             else:
                 self.shape.copy_(self._shape_of(self.strokes().project(limits, size)))
@@ -132,8 +130,6 @@ class Variables:
 
     def order(self) -> Tensor:
         """Painting order of the strokes, as indices [n]."""
-        if not self.light_to_dark:
-            return torch.arange(len(self.shape), device=self.shape.device)
         lightness = to_lab(self.color.detach() * _COLOR_UNIT)[:, 0]
         if self.paint is not None:
             lightness = lightness[self.paint]
@@ -167,13 +163,13 @@ class _AsStrokes(torch.autograd.Function):
     def forward(
         context: Any, shape: Tensor, color: Tensor, unit: Tensor, order: Tensor | None, paint: Tensor | None
     ) -> tuple[Tensor, ...]:
-        from frida_painter.planning import variable_kernels
+        from frida_painter.planning import kernels
 
         order = torch.arange(len(shape)) if order is None else order
         colored = order if paint is None else paint[order]
         found = [shape.new_empty(len(shape), *sides) for sides in ((2,), (), (), (), (), (3,))]
-        variable_kernels.to_strokes(*map(array, (shape, unit, order, *found[:-1])))
-        variable_kernels.to_colors(array(color), array(colored), array(found[-1]), _number(color)(_COLOR_UNIT))
+        kernels.to_strokes(*map(array, (shape, unit, order, *found[:-1])))
+        kernels.to_colors(array(color), array(colored), array(found[-1]), _number(color)(_COLOR_UNIT))
         context.save_for_backward(shape, unit, order, colored)
         context.colors = len(color)
         return tuple(found)
@@ -181,15 +177,15 @@ class _AsStrokes(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(context: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
-        from frida_painter.planning import variable_kernels
+        from frida_painter.planning import kernels
 
         *shaped, colored = context.saved_tensors
         to_shape, to_color = torch.empty_like(shaped[0]), None
-        variable_kernels.pull_to_shape(*map(array, (*shaped, *upstream[:-1], to_shape)))
+        kernels.pull_to_shape(*map(array, (*shaped, *upstream[:-1], to_shape)))
         if context.needs_input_grad[1]:
             to_color = upstream[-1].new_zeros(context.colors, 3)
             unit = _number(to_color)(_COLOR_UNIT)
-            variable_kernels.pull_to_colors(array(upstream[-1]), array(colored), array(to_color), unit)
+            kernels.pull_to_colors(array(upstream[-1]), array(colored), array(to_color), unit)
         return to_shape, to_color, None, None, None
 
 

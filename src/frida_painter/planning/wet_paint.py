@@ -160,7 +160,7 @@ def _check_times(painted_at: Sequence[float], strokes: int) -> None:
 
 
 class PackedMarks(NamedTuple):
-    """Marks of n strokes on the pixels that they cover, mark after mark, for the compiled loops (wet_kernels.py).
+    """Marks of n strokes on the pixels that they cover, mark after mark, for the compiled loops (kernels.py).
 
     begin [n + 1]: first pixel of each mark, and the number of all
     pixel, alpha [k]: numbers of the pixels, and their coverage
@@ -179,7 +179,7 @@ class PackedMarks(NamedTuple):
 
 def pack_marks(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], grid: PixelGrid) -> PackedMarks:
     """Returns the marks of the strokes of all brushes on a grid."""
-    from frida_painter.planning import wet_kernels  # loads the compiler
+    from frida_painter.planning import kernels  # loads the compiler
     from frida_painter.render.kernels import find_spans, painted_boxes
 
     found = []
@@ -190,7 +190,7 @@ def pack_marks(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], 
         spans = find_spans(affine, painted_boxes(magnitude), grid.rows, grid.columns)
         most, begin = spans.pixels, np.empty(len(part) + 1, np.int64)
         pixels = np.empty(most, np.int32), np.empty(most, magnitude.dtype), np.empty(most, np.int8)
-        wet_kernels.cover(magnitude, affine, path, spans, grid.columns, _SEEN, begin, *pixels)
+        kernels.cover(magnitude, affine, path, spans, grid.columns, _SEEN, begin, *pixels)
         found.append((begin, *(each[: begin[-1]] for each in pixels), way))
     begins, *rest = zip(*found, strict=True)
     before = np.cumsum([0, *(begin[-1] for begin in begins)])
@@ -206,7 +206,7 @@ def lay_packed_marks(
 
     seen: number of first marks that the picture shows already.
     """
-    from frida_painter.planning import wet_kernels
+    from frida_painter.planning import kernels
 
     begin, pixel, alpha, nearest, steps, color = marks
     _check_times(painted_at, len(color))
@@ -216,7 +216,7 @@ def lay_packed_marks(
     settled = np.full(pixels, times[0] if len(times) else 0.0)
     numbers = wet.rate, wet.share, wet.drying
     canvas = array(change), array(amount), array(pigment), settled
-    wet_kernels.lay(begin, pixel, alpha, nearest, steps, array(own), times, seen, numbers, _TRACE, *canvas)
+    kernels.lay(begin, pixel, alpha, nearest, steps, array(own), times, seen, numbers, _TRACE, *canvas)
     return change.T
 
 

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     )
     from frida_painter.mixing import Finish
     from frida_painter.mixing.recipe import MixerKind
-    from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
+    from frida_painter.objectives.encoders.base import Encoder, PictureLibrary, Reader, Seer
     from frida_painter.objectives.objective import (
         Gives,
         Goal,
@@ -56,7 +56,6 @@ if TYPE_CHECKING:
         Term,
         require_weight,
     )
-    from frida_painter.objectives.picture_library import PictureLibrary
     from frida_painter.palette import Palette
     from frida_painter.plan import Layer, Plan
     from frida_painter.planning.planner import PlannerKind, PlanningTask
@@ -87,11 +86,10 @@ _HOMES = {
     "hardware.robot": ("Camera", "Frame", "MotionReport", "Point", "Robot", "Waypoints", "Workspace"),
     "mixing": ("Finish",),
     "mixing.recipe": ("MixerKind",),
-    "objectives.encoders.base": ("Encoder", "Reader", "Seer"),
+    "objectives.encoders.base": ("Encoder", "PictureLibrary", "Reader", "Seer"),
     "objectives.objective": (
         *("Gives", "Goal", "GoalKind", "Objective", "ObjectiveContext", "ObjectiveTerm", "Term", "require_weight"),
     ),
-    "objectives.picture_library": ("PictureLibrary",),
     "palette": ("Palette",),
     "plan": ("Layer", "Plan"),
     "planning.planner": ("PlannerKind", "PlanningTask"),

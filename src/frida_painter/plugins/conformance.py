@@ -42,11 +42,10 @@ from frida_painter.hardware.robot import (
 from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import MixerKind
-from frida_painter.objectives.encoders.base import Encoder, Reader
+from frida_painter.objectives.encoders.base import Encoder, PictureLibrary, Reader
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, require_objective
-from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner, PlannerKind, PlanningTask
@@ -322,7 +321,7 @@ def _try_goal(kind: GoalKind, given: _Given) -> None:
 
 
 def _is_ours(kind: GoalKind) -> bool:
-    return kind.name in registry.our_parts()[registry.OBJECTIVES]
+    return kind.name in registry.OUR_PARTS[registry.OBJECTIVES]
 
 
 def _open_picture(kind: GoalKind) -> Any:

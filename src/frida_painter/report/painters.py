@@ -28,7 +28,7 @@ from frida_painter.event_log import EventLog
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.palette import to_hex
-from frida_painter.perception.changes import find_painted
+from frida_painter.perception.frame_check import find_painted
 from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.session.events import Photographed, StrokePainted, events_of

@@ -17,7 +17,7 @@ from torch import Tensor
 from frida_painter.errors import CameraError, ConfigError, PaintingPaused
 from frida_painter.hardware.easel import PersonCanvas, PersonStroke
 from frida_painter.palette import Palette
-from frida_painter.perception.changes import MARK, find_painted
+from frida_painter.perception.frame_check import MARK, find_painted
 from frida_painter.plan import Plan
 from frida_painter.session.events import TimelapseFrame
 from frida_painter.session.executor import Desk

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import PersonStroke
-from frida_painter.perception.changes import MARK, find_painted
+from frida_painter.perception.frame_check import MARK, find_painted
 from frida_painter.plan import Plan
 from frida_painter.registry import TURN_POLICIES, parts
 from frida_painter.session.spirit import StrokeSpirit, continue_drawing, touches, trace_strokes

@@ -15,11 +15,10 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext, Term
 from frida_painter.objectives.pixel_loss import spread
-from frida_painter.objectives.pyramid import color_in
 from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
 from frida_painter.objectives.style_flow import change_by_place, styles_of
 from frida_painter.objectives.style_marks import in_style
-from frida_painter.objectives.text_loss import Text, holding_weight, wish
+from frida_painter.objectives.text_loss import Text, color_in, holding_weight, wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.words.composition import lay_in
 from frida_painter.words.scene import find_cutout, scene_of

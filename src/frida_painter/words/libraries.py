@@ -18,7 +18,7 @@ from torch.nn import functional
 
 from frida_painter import images, picture_file, python_process, registry, storage, weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
-from frida_painter.objectives.picture_library import PictureLibrary
+from frida_painter.objectives.encoders.base import PictureLibrary
 from frida_painter.weights.archive import CAPTIONS, FILE
 from frida_painter.words import svg_process
 

@@ -12,9 +12,9 @@ import torch
 from torch import Tensor
 
 from frida_painter.errors import ImageError
+from frida_painter.objectives.encoders.base import PictureLibrary
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.picture_library import PictureLibrary
 from frida_painter.words.libraries import GROUND, KINDS, MOOD, PictureFolder, libraries_at_hand
 from frida_painter.words.reading import OLD, Phrase, Reading, contents, noun_of, read_phrase, singular, stem
 

@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.clip_resnet import MEAN, SPREAD, ClipResNet
+from frida_painter.objectives.encoders.clip import MEAN, SPREAD, ClipResNet
 from tiny_clip import resnet_tensors
 
 

@@ -110,9 +110,7 @@ def plan_greedy(run: PaintingRun, target: Tensor, budget: Budget) -> Plan:
     for name, quota in zip(GREEDY_BRUSHES, quotas, strict=True):
         for _ in range(quota):
             problem = planner.problems.of(picture, grid, name)
-            found = best_proposals(
-                Strokes.empty(), None, 1, problem, wanted, 64, light_to_dark=False, generator=generator
-            )
+            found = best_proposals(Strokes.empty(), None, 1, problem, wanted, 64, generator=generator)
             picture = problem.render(found.strokes)
             pieces.append(_piece(len(pieces), found.strokes, name, brushes[name].sizes.width))
             colors.append(found.strokes.color[0])

@@ -266,8 +266,7 @@ class EncoderRegistry:
 
     def _load_clip(self, source: str) -> Encoder:
         """Returns the encoder of an installed package, or the CLIP of a file, a folder or a hub's name."""
-        from frida_painter.objectives.encoders.clip import Clip
-        from frida_painter.objectives.encoders.clip_resnet import ClipResNet
+        from frida_painter.objectives.encoders.clip import Clip, ClipResNet
 
         for point in entry_points(group=GROUP, name=source):
             return _load_plugin(point, self.device)
