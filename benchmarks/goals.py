@@ -13,7 +13,8 @@ import torch
 from frida_painter.devices import prepare_process
 from frida_painter.errors import WeightsError
 from frida_painter.lab.targets import load_shipped_targets
-from frida_painter.objectives.image import ImageTerm, SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner

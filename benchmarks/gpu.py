@@ -23,9 +23,10 @@ from frida_painter.devices import half_precision, prepare_process
 from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.lab.targets import load_shipped_targets
+from frida_painter.objectives.beyond_pixels import StyleTerm
 from frida_painter.objectives.encoders import classifiers, clip, vgg
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.image import ImageTerm, StyleTerm
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort

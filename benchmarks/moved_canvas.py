@@ -25,6 +25,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
 from frida_painter.frames import PixelGrid
+from frida_painter.hardware.faults import Bump, Faults, LightChange, PlacementError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
@@ -41,7 +42,6 @@ from frida_painter.planning.settings import PlannerSettings
 from frida_painter.session.hand import Hand
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
-from frida_painter.virtual.faults import Bump, Faults, LightChange, PlacementError
 from frida_painter.virtual.robot import Clock
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 from measure import Table, arguments, publish

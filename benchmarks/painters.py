@@ -23,7 +23,7 @@ from frida_painter.report.painters import Painters, find_painters
 from frida_painter.runs.run import PaintingRun
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import PauseCause, Paused, StrokePainted
-from frida_painter.session.person_strokes import PenStroke
+from frida_painter.together.turns import PenStroke
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.tabletop import Table

@@ -14,6 +14,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 import frida_painter
+from test_house import SOURCES
 
 ROOT = Path(frida_painter.__file__).parent
 ENVIRONMENTS = "frida_painter.env"
@@ -38,7 +39,7 @@ def extras() -> set[str]:
 def imports(*, inside_functions: bool) -> dict[str, list[str]]:
     """What every file of the package imports, by its dotted name: with the file itself, or inside its functions."""
     found = {}
-    for path in ROOT.rglob("*.py"):
+    for path in SOURCES:
         tree = ast.parse(path.read_text(encoding="utf-8"))
         unseen = [
             node for node in ast.walk(tree) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
@@ -52,7 +53,7 @@ def imports(*, inside_functions: bool) -> dict[str, list[str]]:
                 names += [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom):
                 names += [node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names)]
-        parts = ("frida_painter", *path.relative_to(ROOT).with_suffix("").parts)
+        parts = path.relative_to(ROOT.parent).with_suffix("").parts
         found[".".join(part for part in parts if part != "__init__")] = names
     return found
 
@@ -79,7 +80,7 @@ def imported(*, when_connecting: bool = False) -> dict[str, set[str]]:
         for file, names in imports(inside_functions=inside).items():
             for name in names:
                 top = name.partition(".")[0]
-                known = top in sys.stdlib_module_names or top == "frida_painter"
+                known = top in sys.stdlib_module_names or top.startswith("frida_painter")
                 if not known and when_connecting == (inside or file in late):
                     found.setdefault(top, set()).add(file)
     return found

@@ -4,7 +4,8 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.image import ImageTerm, SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.words.text import TextTerm
 from support.planning import picture

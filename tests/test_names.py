@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import frida_painter
+from test_house import SOURCES
 
 SRC = Path(frida_painter.__file__).parent
 ROOT = SRC.parent.parent
@@ -24,7 +25,7 @@ CLASSES: set[str] = set()
 
 @cache
 def trees() -> dict[Path, ast.Module]:
-    return {path: ast.parse(path.read_text("utf-8")) for path in sorted(SRC.rglob("*.py"))}
+    return {path: ast.parse(path.read_text("utf-8")) for path in SOURCES}
 
 
 def bound_names(tree: ast.AST) -> Iterator[str]:

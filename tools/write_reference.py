@@ -25,8 +25,8 @@ from frida_painter.exporter import ExporterKind
 from frida_painter.hardware.kinds import CameraKind, RobotKind
 from frida_painter.mixing.recipe import MixerKind
 from frida_painter.objectives.objective import GoalKind
+from frida_painter.picture_makers.making import PictureMakerKind
 from frida_painter.planning.planner import PlannerKind
-from frida_painter.runs.picture_making import PictureMakerKind
 from frida_painter.runs.settings import OF_PAINTINGS, about, help_of, usual_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.storage import megabytes

@@ -16,6 +16,7 @@ import frida_painter
 from frida_painter.cli import commands
 from frida_painter.cli.commands import Deferred, all_commands
 from frida_painter.lab.text import PROMPTS
+from test_house import ROOT, SOURCES
 
 ENTRIES = [(("",), entry) for entry in all_commands()] + [(("strokes",), entry) for entry in commands.STROKE_COMMANDS]
 IDS = [" ".join((*group, entry.name)).strip() for group, entry in ENTRIES]
@@ -66,14 +67,10 @@ def test_every_command_of_a_module_is_listed() -> None:
 
 
 def test_every_module_with_commands_is_listed() -> None:
-    package = Path(commands.__file__).parent.parent
-    files = [
-        path for face in ("cli", "web", "lab", "lab/benchmark", "lab/sweeps") for path in (package / face).glob("*.py")
-    ]
     listed = {entry.module for _, entry in ENTRIES}
     assert listed == {
-        ".".join(path.relative_to(package.parent).with_suffix("").parts)
-        for path in files
+        ".".join(path.relative_to(ROOT.parent).with_suffix("").parts)
+        for path in SOURCES
         if "\ndef register(app" in path.read_text()
     }
 

@@ -12,8 +12,8 @@ from frida_painter import images
 from frida_painter.cli import commands, imagining
 from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
-from frida_painter.runs import picture_making
-from frida_painter.runs.picture_making import MadePicture, Making
+from frida_painter.picture_makers import making as picture_making
+from frida_painter.picture_makers.making import MadePicture, Making
 from tiny_pipelines import fetch_imagine
 
 PAINTER = """

@@ -26,9 +26,9 @@ from frida_painter.errors import (
     WorkspaceViolation,
 )
 from frida_painter.hardware import deadline
+from frida_painter.hardware.faults import FailedMotion, Faults
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import BrushRack, Frame, MotionReport, Robot, Waypoints
-from frida_painter.virtual.faults import FailedMotion, Faults
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from hardware.misbehaving import Action, Hang, MisbehavingCamera, MisbehavingRobot, fine, unknown, vendor_error
 from support.easel import WORKSPACE

@@ -26,8 +26,8 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import CameraError, ConfigError
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.objectives.objective import goal_kinds
+from frida_painter.picture_makers.making import PictureRequest, open_picture_maker
 from frida_painter.plan import Plan
-from frida_painter.runs.picture_making import PictureRequest, open_picture_maker
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import looks_on_the_way, parse_replan_policy
 from plugins import OWN_PARTS, install_own_parts

@@ -6,7 +6,7 @@ import pytest
 
 from frida_painter.errors import CameraError, MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import Caller, LibraryExit, Overdue, in_our_errors, one_line, steady, within
-from frida_painter.hardware.drivers.interlock import Interlock
+from frida_painter.hardware.interlock import Interlock
 
 
 def ending() -> None:

@@ -20,6 +20,7 @@ import torch
 from frida_painter import registry
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.hardware.faults import PlacementError
 from frida_painter.hardware.robot import Waypoints, Workspace
 from frida_painter.hardware.timing import Timing
 from frida_painter.session.events import Event, Looked
@@ -28,7 +29,6 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.robot import Course, Way
 from frida_painter.virtual.studio import ArmAndTable, HandNoise, StudioArm, StudioSettings, open_studio
 from frida_painter.virtual.tabletop import StudioLayout

@@ -10,7 +10,8 @@ from frida_painter.objectives.attention import (
     start_from_meaning,
     weight_by_focus,
 )
-from frida_painter.objectives.image import ImageTerm, SemanticTerm, StyleTerm
+from frida_painter.objectives.beyond_pixels import SemanticTerm, StyleTerm
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.pixel_loss import spread
 from support.networks import NoEncoderRegistry, QuickEncoders, QuickHed

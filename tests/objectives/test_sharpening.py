@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.image import ImageTerm, StyleTerm
+from frida_painter.objectives.beyond_pixels import StyleTerm
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.pixel_loss import with_contrast

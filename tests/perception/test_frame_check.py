@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.errors import FrameRejected
+from frida_painter.hardware.faults import Faults, InSight, LightChange, LostFocus, PlacementError
 from frida_painter.perception.frame_check import Expected
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import Faults, InSight, LightChange, LostFocus, PlacementError
 from virtual.hand import CANVAS, Hand
 
 

@@ -15,7 +15,7 @@ from PIL import Image
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
 from frida_painter.picture_makers import program
 from frida_painter.picture_makers.command import COMMAND, CommandMaker
-from frida_painter.runs.picture_making import PictureRequest
+from frida_painter.picture_makers.making import PictureRequest
 
 PRINTS = """
 import sys

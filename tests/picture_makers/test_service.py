@@ -20,8 +20,8 @@ from PIL import Image
 from frida_painter import transfer
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
 from frida_painter.picture_makers import service, service_process
+from frida_painter.picture_makers.making import STRENGTH, PictureRequest
 from frida_painter.picture_makers.service import ServiceMaker
-from frida_painter.runs.picture_making import STRENGTH, PictureRequest
 
 Answer = Callable[[BaseHTTPRequestHandler], None]
 

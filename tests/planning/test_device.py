@@ -11,11 +11,12 @@ from elsewhere import elsewhere, waits
 from frida_painter.devices import half_precision
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
+from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.clip import Clip, ClipResNet
 from frida_painter.objectives.encoders.vgg import Hed, Vgg16
-from frida_painter.objectives.image import ImageTerm, SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import WeightedObjective, prepare
 from frida_painter.objectives.objective import Goal, ObjectiveTerm, Term
 from frida_painter.objectives.text_loss import wish

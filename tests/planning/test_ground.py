@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.image import ImageTerm, StyleTerm
+from frida_painter.objectives.beyond_pixels import StyleTerm
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.plan import WHITE
 from frida_painter.planning.effort import Effort

@@ -7,7 +7,8 @@ import torch
 
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.image import ImageTerm, SemanticTerm, StyleTerm
+from frida_painter.objectives.beyond_pixels import SemanticTerm, StyleTerm
+from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan

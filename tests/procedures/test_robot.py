@@ -9,12 +9,12 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Confirm, lead
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.faults import Bump, Faults, PlacementError
 from frida_painter.hardware.motion import Motion
 from frida_painter.perception.landmarks import match_dots
 from frida_painter.procedures.canvas import canvas
 from frida_painter.procedures.robot import RobotFinding, dot_places, robot
 from frida_painter.strokes import Strokes
-from frida_painter.virtual.faults import Bump, Faults, PlacementError
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 
 SIZE = CanvasSize(0.24, 0.18)

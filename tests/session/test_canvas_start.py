@@ -13,12 +13,12 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.faults import Faults, LightChange
 from frida_painter.perception.flatfield import bare_canvas, is_evenly, light_by_margin
 from frida_painter.plan import WHITE
 from frida_painter.procedures.canvas import canvas as canvas_procedure
 from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import Faults, LightChange
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 
 SIZE, ROWS = CanvasSize(0.20, 0.15), 150

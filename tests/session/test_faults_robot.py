@@ -21,9 +21,9 @@ from frida_painter.easel.kinds import STOP_FILE
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import MotionFailed, PoseMismatch, RobotDisconnected, RobotStopped
+from frida_painter.hardware.faults import FailedMotion, Faults
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.virtual.faults import FailedMotion, Faults
 from session import easel_errands
 from session.easel_errands import MACHINE, PAINTS, easel_of, install_machine, moves, paint, stroke, until
 

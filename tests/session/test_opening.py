@@ -14,6 +14,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.faults import PlacementError
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.procedures.canvas import canvas
@@ -21,7 +22,6 @@ from frida_painter.procedures.robot import robot
 from frida_painter.session.hand import Hand
 from frida_painter.session.opening import on_record, planning_device
 from frida_painter.strokes import Strokes
-from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 from support.easel import CALIBRATION, CANVAS, stub_easel
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import PaintingPaused
+from frida_painter.hardware.faults import Bump, Faults, InSight, LostFocus
 from frida_painter.perception import frame_check
 from frida_painter.perception.registration import CanvasShift, Registration, Verdict
 from frida_painter.session.events import Event, LastLookDoubted, Paused
 from frida_painter.session.journal import Journal
-from frida_painter.virtual.faults import Bump, Faults, InSight, LostFocus
 from support.small_world import fine_registration
 from support.virtual_painting import STROKES, VirtualPainting
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from frida_painter.hardware.faults import PlacementError
 from frida_painter.session.events import Event, TouchCorrected
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import StudioSettings
 from support.coffee import OFF, error, error_with_looks, paint_coffee
 from support.small_world import fine_registration, small_world

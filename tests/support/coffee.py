@@ -14,6 +14,7 @@ from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
+from frida_painter.hardware.faults import PlacementError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.effort import Effort
@@ -26,7 +27,6 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from support import data
 from support.planning import plain

@@ -13,6 +13,7 @@ from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PaintingPaused
+from frida_painter.hardware.faults import NO_FAULTS, Faults
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
@@ -27,7 +28,6 @@ from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from support import data
 from support.planning import plain

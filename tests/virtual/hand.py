@@ -6,9 +6,9 @@ import numpy as np
 import torch
 
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.hardware.faults import PlacementError
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette
-from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.tabletop import HandNoise
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import ConfigError
+from frida_painter.hardware.faults import Bump, Faults
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import Bump, Faults
 
 from .hand import Hand
 

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import RobotError, StaleFrame
+from frida_painter.hardware.faults import Bump, Faults, LightChange, LostFocus
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus
 from frida_painter.virtual.paint import to_linear
 
 from .hand import Hand

@@ -8,8 +8,8 @@ import pytest
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import StorageError
+from frida_painter.hardware.faults import Bump, Faults
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import Bump, Faults
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from virtual.hand import Hand
 

@@ -3,8 +3,8 @@ import pytest
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CameraError
+from frida_painter.hardware.faults import Faults, InSight
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import Faults, InSight
 
 from .hand import Hand
 

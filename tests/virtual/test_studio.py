@@ -8,8 +8,8 @@ import pytest
 import frida_painter.virtual
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
+from frida_painter.hardware.faults import Bump, Faults, PlacementError
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import Bump, Faults, PlacementError
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.tabletop import HandNoise
 

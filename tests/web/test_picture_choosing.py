@@ -16,8 +16,8 @@ import pytest
 
 from frida_painter import python_process
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.runs import picture_making
-from frida_painter.runs.picture_making import making_facts
+from frida_painter.picture_makers import making as picture_making
+from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.spec import RunSpec
 from frida_painter.web import maker_reader, studio_command, studio_folder
 from frida_painter.web.commands import Role
@@ -127,7 +127,7 @@ def test_pictures_are_made_chosen_and_their_record_follows_them(tmp_path: Path) 
     plan = entry.folder.plan(1)
     assert plan.request().terms[0].made == taken["made"]
     spec = RunSpec.of(**plan.request().goals(plan.path))
-    ((label, fact),) = making_facts(spec)
+    ((label, fact),) = making_facts(*spec.goal, *spec.initial)
     assert label == "Made" and "a-red-tower-2.png from “a red tower” by command" in fact and fact.endswith("seed 8")
     gone = visitor.post("/api/imagining/choose", json={"picture": "made-0.jpg"})
     assert gone.status_code == 422 and gone.json()["sentence"] == "This picture is gone; make pictures again."

@@ -19,6 +19,9 @@ from frida_painter.options import (
     WorkspaceOption,
     whole_number_within,
 )
+from frida_painter.registry import Later
+
+_check_parts = Later("frida_painter.plugins.conformance:check")
 
 
 class What(StrEnum):
@@ -235,7 +238,6 @@ def parts(
     No device is connected to. The exit status is 1 if a part does not conform.
     """
     from frida_painter.devices import prepare_process
-    from frida_painter.plugins.conformance import check
 
     examples = {}
     for given in example or ():
@@ -244,7 +246,7 @@ def parts(
             raise ConfigError(f"--example was given {given[:40]!r}; write NAME=TEXT.")
         examples[name] = text
     prepare_process()
-    found = check(package, examples=examples)
+    found = _check_parts(package, examples=examples)
     for finding in found:
         typer.echo(str(finding))
     if not all(finding.passed for finding in found):

@@ -16,9 +16,10 @@ from frida_painter.options import number_within, whole_number_within
 
 if TYPE_CHECKING:
     from frida_painter.objectives.encoders.loading import EncoderRegistry
-    from frida_painter.runs.picture_making import Making
     from frida_painter.runs.spec import RunSpec
 
+_imagine = registry.Later("frida_painter.picture_makers.making:imagine")
+_make_pictures = registry.Later("frida_painter.picture_makers.making:make_pictures")
 _PANEL = "What to paint"
 _MAX_PICTURES, _USUAL_PICTURES = 16, 4
 _MAX_MINUTES, _USUAL_MINUTES = 1440, 30
@@ -69,6 +70,20 @@ IMAGINING = ("imagine", "imagine_pictures", "imagine_minutes")
 """Names of the options."""
 
 
+def usual_maker(spec: "RunSpec") -> str | None:
+    """Returns the fetched maker if it makes the first picture of words; None if none is here, or is wanted.
+
+    It is wanted for words without another picture to begin with, unless the description says how to begin them, or
+    who guides them.
+    """
+    kinds = {item.kind for item in spec.goal}
+    free = spec.beginning == "auto" and spec.pictures is None and spec.guide is None
+    free = free and all(item.kind == "text" for item in spec.initial)
+    return (
+        "diffusers" if free and {"text"} <= kinds <= {"text", "style"} and registry.are_here(registry.IMAGINE) else None
+    )
+
+
 def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool, paints: bool) -> "RunSpec":
     """Returns the description, with made pictures in place of words if a maker was named or fetched.
 
@@ -77,8 +92,6 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
     paints: True if the description is painted, False if it is only planned
     Raises MakingFailed, Interrupted after a signal, and the errors of `PaintingRun`, as far as they are known before.
     """
-    from frida_painter.runs.picture_making import usual_maker
-
     maker = (named := given.get("imagine")) or usual_maker(spec)
     if maker is None:
         for name in IMAGINING[1:]:
@@ -91,7 +104,6 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
     from frida_painter.objectives.encoders.loading import EncoderRegistry
     from frida_painter.runs.goal_item import name_of
     from frida_painter.runs.goals import open_goal
-    from frida_painter.runs.picture_making import imagine, make_pictures
     from frida_painter.session.opening import planning_device
 
     minutes = given.get("imagine_minutes")
@@ -114,7 +126,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
 
         def make(words: str, number: int) -> Path:
             try:
-                making = make_pictures(
+                making = _make_pictures(
                     words,
                     maker,
                     _FOLDER / f"{name_of(words)}-{now}-{number}",
@@ -131,7 +143,8 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
                 raise type(fault)(f"{str(fault).rstrip('.')}; or {_WITHOUT}.") from fault
             return choose_picture(making, input if asked and sys.stdin.isatty() else None)
 
-        return imagine(spec, make, encoders)
+        replaced: RunSpec = _imagine(spec, make, encoders)
+        return replaced
 
 
 def _check(spec: "RunSpec", out: Path | None, encoders: "EncoderRegistry", *, paints: bool) -> None:
@@ -139,7 +152,6 @@ def _check(spec: "RunSpec", out: Path | None, encoders: "EncoderRegistry", *, pa
     import torch
 
     from frida_painter import images, storage
-    from frida_painter.runs.picture_making import imagine
     from frida_painter.runs.run import PaintingRun
 
     if out is not None:
@@ -147,13 +159,13 @@ def _check(spec: "RunSpec", out: Path | None, encoders: "EncoderRegistry", *, pa
     with TemporaryDirectory() as place:
         anything = Path(place) / "picture.png"
         images.save(torch.linspace(0, 1, 64).expand(3, 64, 64), anything)
-        painted = imagine(spec, lambda words, number: anything, encoders)
+        painted = _imagine(spec, lambda words, number: anything, encoders)
         if spec.clip is not None:
             encoders.clip()  # it is of use at least to choose among made pictures
         PaintingRun(painted, out, encoders=encoders).check(paints=paints)
 
 
-def choose_picture(making: "Making", ask: Callable[[str], str] | None) -> Path:
+def choose_picture(making: Any, ask: Callable[[str], str] | None) -> Path:
     """Tells the pictures, and returns the file of the chosen one.
 
     ask: shows a prompt and returns the typed line. None: nobody is asked, and the best one by the making's rule is

@@ -15,13 +15,14 @@ from rich.console import Console
 from torch import Tensor
 
 from frida_painter import storage
-from frida_painter.cli.by_words import Proposer, ask_at_terminal
+from frida_painter.cli.by_words import ask_at_terminal
 from frida_painter.cli.options import Wells
 from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import PaintingLine, terminal_at
 from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import ARM_FILM, easel_kind
 from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.registry import Later
 from frida_painter.runs.painting_folder import NOW, PAUSE_FILE
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
@@ -31,6 +32,8 @@ from frida_painter.storage import count_of
 
 PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
 _GLANCE = 0.2  # seconds between two checks for the pause file
+
+_open_proposer = Later("frida_painter.together.proposing:Proposer")
 
 
 class Leader:
@@ -56,7 +59,7 @@ class Leader:
     ) -> None:
         ask = partial(ask_at_terminal, stop_asked=lambda: stop.asked)
         yes = partial(confirm, default=True, ask=ask)
-        self._proposer = None if propose is None else Proposer(run, propose, lambda: stop.asked, ask, yes)
+        self._proposer = None if propose is None else _open_proposer(run, propose, lambda: stop.asked, ask, yes)
         self._run, self._stop, self._started = run, stop, started
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)

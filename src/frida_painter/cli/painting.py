@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from frida_painter.session.events import Event
 
 
+_give_picture = registry.Later("frida_painter.cli.without_camera:give_picture")
 Candidates = Annotated[
     int,
     typer.Option(
@@ -297,7 +298,6 @@ def look(
     is made again with the picture. A picture of another canvas is refused.
     """
     from frida_painter.cli.terminal import parse_corners
-    from frida_painter.cli.without_camera import give_picture
     from frida_painter.devices import prepare_process
 
     pointed = None if corners is None else parse_corners(corners)
@@ -307,7 +307,7 @@ def look(
             "'120,80 1400,95 1420,1010 100,1000'."
         )
     prepare_process()
-    give_picture(folder, picture, pointed, ask=not yes and sys.stdin.isatty())
+    _give_picture(folder, picture, pointed, ask=not yes and sys.stdin.isatty())
 
 
 def _next_motion(spec: "RunSpec") -> str:

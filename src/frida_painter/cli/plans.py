@@ -22,11 +22,14 @@ from frida_painter.options import (
     out_file,
     whole_number_within,
 )
+from frida_painter.registry import Later
 from frida_painter.storage import count_of
 
 if TYPE_CHECKING:
     from frida_painter.mixing.recipe import Recipe
     from frida_painter.palette import Palette
+
+_trace_plan = Later("frida_painter.cli.without_camera:trace_plan")
 
 
 # Command for recipes of a palette from a person's own paints.
@@ -259,11 +262,10 @@ def trace(
     hover height of the workspace above the canvas. Watch whether it follows the edges. Every motion is checked
     before anything moves. Ctrl-C ends it after the present side, and a second Ctrl-C stops the robot at once.
     """
-    from frida_painter.cli.without_camera import trace_plan
     from frida_painter.devices import prepare_process
 
     prepare_process()
-    if not trace_plan(plan, robot, workspace, calibration, ask=not yes):
+    if not _trace_plan(plan, robot, workspace, calibration, ask=not yes):
         raise typer.Exit(1)
 
 

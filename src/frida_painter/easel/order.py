@@ -11,9 +11,9 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import PersonBrush
+from frida_painter.hardware.faults import NO_FAULTS, Faults, PlacementError
 from frida_painter.hardware.robot import Workspace
 from frida_painter.hardware.timing import AxisTiming, Timing
-from frida_painter.virtual.faults import NO_FAULTS, Faults, PlacementError
 
 
 @dataclass(frozen=True)

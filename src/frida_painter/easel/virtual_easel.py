@@ -98,7 +98,7 @@ def _open_virtual(order: "EaselOrder") -> OpenEasel:
 
 def open_virtual_easel(brush: str, seed: int) -> "Easel":
     """Opens a virtual studio for painting a stroke library: paper, and a robot without a placement error."""
-    from frida_painter.virtual.faults import PlacementError
+    from frida_painter.hardware.faults import PlacementError
     from frida_painter.virtual.studio import open_studio
 
     studio = open_studio(PAPER, studio_brush(brush), seed=seed, placement_error=PlacementError((0.0, 0.0), 0.0))

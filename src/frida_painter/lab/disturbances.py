@@ -20,6 +20,7 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.hardware.easel import PersonStroke
+from frida_painter.hardware.faults import Bump, Faults, PlacementError
 from frida_painter.lab import paintings
 from frida_painter.lab.paintings import (
     UNDISTURBED,
@@ -38,7 +39,6 @@ from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused
-from frida_painter.virtual.faults import Bump, Faults, PlacementError
 from frida_painter.virtual.studio import VirtualStudio
 
 NAME = "disturbances"

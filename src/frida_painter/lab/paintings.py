@@ -20,6 +20,7 @@ from frida_painter.easel.kinds import OpenEasel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.virtual_easel import assemble_easel, open_virtual_easel
 from frida_painter.hardware.easel import Easel, Operator
+from frida_painter.hardware.faults import PlacementError
 from frida_painter.lab import ExperimentScale
 from frida_painter.lab.trials import (
     Experiment,
@@ -44,7 +45,6 @@ from frida_painter.session.events import Event, Looked, Paused, Planned, StrokeP
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.virtual.camera import CameraSpec
-from frida_painter.virtual.faults import PlacementError
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter.virtual.tabletop import HandNoise, Table
 

@@ -23,6 +23,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Question, lead
 from frida_painter.easel.virtual_easel import PAPER
 from frida_painter.errors import FridaError
+from frida_painter.hardware.faults import Bump, Faults, LightChange, LostFocus, PlacementError
 from frida_painter.lab import ExperimentScale
 from frida_painter.lab.paintings import EXACT, connect_studio, virtual_library
 from frida_painter.lab.stroke_models import DEFAULT, errors, learn
@@ -32,7 +33,6 @@ from frida_painter.procedures.robot import robot
 from frida_painter.procedures.strokes import StrokesFinding, contact_sheet, strokes, unfinished_folder
 from frida_painter.sheet import INK, LINE, SOFT, Grid, Sheet, font
 from frida_painter.sheet import PAPER as WHITE
-from frida_painter.virtual.faults import Bump, Faults, LightChange, LostFocus, PlacementError
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 
 Found = TypeVar("Found")

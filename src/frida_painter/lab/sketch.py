@@ -15,8 +15,8 @@ from frida_painter.lab import paintings
 from frida_painter.lab.paintings import FULL, Painted, PaintingTrial
 from frida_painter.lab.targets import Target
 from frida_painter.lab.trials import Experiment, Measurement, Outcome, Results, ResultTable, edge_score
+from frida_painter.objectives.beyond_pixels import SketchTerm
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.image import SketchTerm
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device

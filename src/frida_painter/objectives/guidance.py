@@ -126,6 +126,13 @@ class GuidanceTerm(Term):
         return ObjectiveTerm(guide, guide.validation, recognizes=True, lasts=lasts, seconds=took)
 
 
+def guide(goal: Goal, text: str, settings: WordSettings) -> tuple[GuidanceTerm, ...]:
+    """Returns a term of guidance for all words of a goal, by the pipeline of a text. Raises ConfigError."""
+    source = GuideSource.parse(text)
+    said = ((term.words, term.weight) for term in goal.terms)
+    return tuple(GuidanceTerm(words, source, weight, settings) for words, weight in said if words is not None)
+
+
 class Guidance:
     """Score distillation: the gradient is (1 - kept share) (noise seen with the words - noise added), at the latents.
 

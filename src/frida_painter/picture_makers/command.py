@@ -10,8 +10,8 @@ from pathlib import Path
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, MakingFailed
+from frida_painter.picture_makers.making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
 from frida_painter.picture_makers.program import run_program
-from frida_painter.runs.picture_making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
 
 _PLACES = ("words", "seed", "width", "height", "out", "canvas", "free")
 _PLACE = re.compile("{(" + "|".join(_PLACES) + ")}")

@@ -9,8 +9,8 @@ from pathlib import Path
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.picture_makers.child import ANSWER
+from frida_painter.picture_makers.making import STRENGTH, PictureMakerKind, PictureRequest
 from frida_painter.picture_makers.program import run_child
-from frida_painter.runs.picture_making import STRENGTH, PictureMakerKind, PictureRequest
 from frida_painter.weights.catalogue import find_weights
 from frida_painter.weights.pipeline_folder import USUAL_STEPS, PipelineFolder, find_pipeline, read_pipeline_folder
 from frida_painter.weights.sources import Hub

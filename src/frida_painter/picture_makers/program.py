@@ -12,7 +12,7 @@ from typing import Any
 from frida_painter import python_process, storage
 from frida_painter.errors import Interrupted, MakingFailed
 from frida_painter.picture_makers.child import ANSWER, FAULT, TASK, TOLD
-from frida_painter.runs.picture_making import MAX_BYTES, PictureRequest
+from frida_painter.picture_makers.making import MAX_BYTES, PictureRequest
 from frida_painter.storage import megabytes
 
 _GLANCE = 0.05  # seconds between two looks at a program

@@ -8,8 +8,8 @@ from pathlib import Path
 from urllib.parse import SplitResult, urlsplit, urlunsplit
 
 from frida_painter.errors import ConfigError, MakingFailed
+from frida_painter.picture_makers.making import MAX_BYTES, STRENGTH, PictureMakerKind, PictureRequest, make_each
 from frida_painter.picture_makers.program import run_child
-from frida_painter.runs.picture_making import MAX_BYTES, STRENGTH, PictureMakerKind, PictureRequest, make_each
 
 _EXAMPLE = "http:http://localhost:7860/picture"
 

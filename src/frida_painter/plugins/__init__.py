@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from frida_painter.exporter import ExporterKind, ExportOptions
     from frida_painter.frames import MapFrame, PixelGrid
     from frida_painter.hardware.cameras.shutter import Shutter
-    from frida_painter.hardware.drivers.interlock import Interlock
     from frida_painter.hardware.easel import Easel, PersonStroke
+    from frida_painter.hardware.interlock import Interlock
     from frida_painter.hardware.kinds import CameraKind, MachineName, Needed, RobotKind, require_home, yes_or_no
     from frida_painter.hardware.robot import (
         Camera,
@@ -57,20 +57,19 @@ if TYPE_CHECKING:
         require_weight,
     )
     from frida_painter.palette import Palette
+    from frida_painter.picture_makers.making import PictureMaker, PictureMakerKind, PictureRequest
     from frida_painter.plan import Layer, Plan
     from frida_painter.planning.planner import PlannerKind, PlanningTask
     from frida_painter.plugins.conformance import PartFinding, check
-    from frida_painter.runs.picture_making import PictureMaker, PictureMakerKind, PictureRequest
     from frida_painter.session.events import Event, Notify
     from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
-    from frida_painter.session.turn_policy import TurnAnswer, TurnPolicy, TurnTaken
     from frida_painter.strokes import StrokeLimits, Strokes
+    from frida_painter.together.policies import TurnAnswer, TurnPolicy, TurnTaken
     from frida_painter.virtual.studio import ArmAndTable, StudioArm
     from frida_painter.virtual.tabletop import HandNoise, StudioLayout
 
 _HOMES = {
-    "brush.families": ("FamilyPart",),
-    "brush.kinds": ("BrushKind", "BrushModel", "StrokeFunction", "StrokeModel"),
+    "brush.kinds": ("BrushKind", "BrushModel", "FamilyPart", "StrokeFunction", "StrokeModel"),
     "canvas_size": ("CanvasSize",),
     "easel.kinds": ("EaselKind", "OpenEasel"),
     "errors": (
@@ -80,7 +79,7 @@ _HOMES = {
     "exporter": ("ExportOptions", "ExporterKind"),
     "frames": ("MapFrame", "PixelGrid"),
     "hardware.cameras.shutter": ("Shutter",),
-    "hardware.drivers.interlock": ("Interlock",),
+    "hardware.interlock": ("Interlock",),
     "hardware.easel": ("Easel", "PersonStroke"),
     "hardware.kinds": ("CameraKind", "MachineName", "Needed", "RobotKind", "require_home", "yes_or_no"),
     "hardware.robot": ("Camera", "Frame", "MotionReport", "Point", "Robot", "Waypoints", "Workspace"),
@@ -91,14 +90,14 @@ _HOMES = {
         *("Gives", "Goal", "GoalKind", "Objective", "ObjectiveContext", "ObjectiveTerm", "Term", "require_weight"),
     ),
     "palette": ("Palette",),
+    "picture_makers.making": ("PictureMaker", "PictureMakerKind", "PictureRequest"),
     "plan": ("Layer", "Plan"),
     "planning.planner": ("PlannerKind", "PlanningTask"),
     "plugins.conformance": ("PartFinding", "check"),
-    "runs.picture_making": ("PictureMaker", "PictureMakerKind", "PictureRequest"),
     "session.events": ("Event", "Notify"),
     "session.replan_policy": ("CanvasSeen", "ReplanPolicy"),
-    "session.turn_policy": ("TurnAnswer", "TurnPolicy", "TurnTaken"),
     "strokes": ("StrokeLimits", "Strokes"),
+    "together.policies": ("TurnAnswer", "TurnPolicy", "TurnTaken"),
     "virtual.studio": ("ArmAndTable", "StudioArm"),
     "virtual.tabletop": ("HandNoise", "StudioLayout"),
 }

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from frida_painter import storage
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, FridaError
 from frida_painter.objectives.objective import Gives, goal_kinds
 
 MAX_CHARACTERS = 10_000
@@ -192,3 +192,49 @@ def _spoken(mark: str) -> str:
     if category == "So":
         return f" {unicodedata.name(mark, '').lower()} "
     return "" if category in ("Cf", "Mn", "Sk") and not unicodedata.combining(mark) else mark
+
+
+# Records of pictures that were made from words (picture_makers/making.py)
+
+MAKING = "making.json"
+"""Record of a making, beside its pictures."""
+MAKING_FORMAT, MAKING_VERSION = "frida-painter making", 1
+
+
+def making_file(picture: Path) -> Path | None:
+    """Returns the file beside a picture that records its making, of this picture alone or of several; else None."""
+    files = (picture.with_suffix(f".{MAKING}"), picture.parent / MAKING)
+    return next((file for file in files if storage.exists(file)), None)
+
+
+def read_making(picture: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Returns the record of the making of a picture, and the entry of this picture in it, known by its hash.
+
+    None if there is no record beside the picture, or if the record is of other pictures.
+    """
+    file = making_file(picture)
+    if file is None:
+        return None
+    try:
+        record = storage.read_json(file, "the record of a making")
+        content = storage.sha256(picture, "a made picture")
+        same = [one for one in record.get("pictures", ()) if one.get("sha256") == content]
+        mine = next((one for one in same if one["file"] == record.get("chosen")), same[0] if same else None)
+        known = record.get("format") == MAKING_FORMAT and record.get("version") == MAKING_VERSION
+    except (FridaError, AttributeError, KeyError, TypeError):  # it belongs to nothing
+        return None
+    return (record, mine) if known and mine is not None else None
+
+
+def making_facts(*items: GoalItem) -> tuple[tuple[str, str], ...]:
+    """Returns how pictures of the goal were made, for page and record, as (label, description)."""
+    found = []
+    for item in items:
+        made = None if item.path is None else read_making(item.path)
+        if made is None:
+            continue
+        record, picture = made
+        facts = [str(fact) for name, fact in record["facts"].items() if name != "sha256"]
+        maker = ", ".join((record["maker"], *facts))
+        found.append(("Made", f"{picture['file']} from “{record['words']}” by {maker}, seed {picture['seed']}"))
+    return tuple(found)

@@ -9,8 +9,8 @@ from torch import Tensor
 
 from frida_painter.errors import ConfigError
 from frida_painter.images import AnyPicture, as_picture
-from frida_painter.objectives.guidance import GuidanceTerm, GuideSource
-from frida_painter.objectives.image import ImageTerm, PictureTerm, SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
+from frida_painter.objectives.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import (
     Gives,
     Goal,
@@ -22,9 +22,11 @@ from frida_painter.objectives.objective import (
     require_weight,
 )
 from frida_painter.objectives.word_settings import WordSettings
+from frida_painter.registry import Later
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
 
+_guide = Later("frida_painter.objectives.guidance:guide")
 _MAX_TERMS = 20
 
 OF_PICTURES: dict[str, type[PictureTerm]] = {
@@ -67,9 +69,7 @@ def tell_terms(goal: Goal, settings: WordSettings, freedom: float, guide: str | 
         tuple(term.say(settings).free_colors(freedom) for term in some) for some in (goal.terms, goal.initial)
     )
     if guide is not None:
-        source = GuideSource.parse(guide)
-        said = ((term.words, term.weight) for term in goal.terms)
-        terms += tuple(GuidanceTerm(words, source, weight, settings) for words, weight in said if words is not None)
+        terms += _guide(goal, guide, settings)
     return replace(goal, terms=terms, initial=initial)
 
 

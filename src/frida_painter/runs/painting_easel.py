@@ -10,11 +10,13 @@ from frida_painter.easel.operator import PersonAsOperator
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.faults import PlacementError
+from frida_painter.registry import Later
 from frida_painter.runs.fields import millimetres_and_degrees
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.human import ByHand
 from frida_painter.session.opening import NEEDED
-from frida_painter.virtual.faults import PlacementError
+
+_paint_by_hand = Later("frida_painter.session.human:ByHand")
 
 
 def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Path | None = None) -> EaselOrder:
@@ -95,5 +97,5 @@ def with_operator(easel: Easel, spec: RunSpec, answer: Callable[[Question], Answ
         return easel
     if not spec.by_hand:
         return replace(easel, operator=PersonAsOperator(answer))
-    hand = ByHand(easel, answer)
+    hand = _paint_by_hand(easel, answer)
     return replace(easel, robot=hand, camera=hand.camera, operator=hand, foretell=hand.foretell)

@@ -36,8 +36,7 @@ from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.sheets import doubt
-from frida_painter.runs.goal_item import read_goal_file
-from frida_painter.runs.picture_making import MAKING, making_file, read_making
+from frida_painter.runs.goal_item import MAKING, making_file, read_goal_file, read_making
 from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming

@@ -420,7 +420,8 @@ class PaintingRun:
         before = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
         if before is not None and not unseen and not self._is_as_left(session, before, now):
             before = None
-        session.person.remember(history.person, history.person_seen, history.person_released)
+        if history.person:
+            session.person.remember(history.person, history.person_seen, history.person_released)
         journal.record_resume(history, repaint=self._repaints(now))
         self._stack.enter_context(recorder)
         if kept is None:

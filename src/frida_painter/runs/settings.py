@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import VIRTUAL
-from frida_painter.objectives.image import USUAL_FREEDOM
+from frida_painter.objectives.beyond_pixels import USUAL_FREEDOM
 from frida_painter.objectives.word_settings import USUAL, Beginning
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.registry import (

@@ -43,8 +43,8 @@ from frida_painter.planning.problem import Region
 from frida_painter.planning.settings import FEWEST_FOR_LAYERS, PlannerSettings
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.fields import OF_SCENE, ground_color, rgb
+from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_terms
-from frida_painter.runs.picture_making import making_facts
 from frida_painter.runs.shares import AUTO, brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
@@ -187,7 +187,8 @@ def open_planner(
     work = spec.effort * (_ON_GPU if device.type == "cuda" else 1.0)
     told = tell_terms(goal, replace(spec.words, effort=work), spec.freedom, spec.guide)
     planner = Planner(told, planner_settings(spec, model), encoders=networks, device=device)
-    if networks.idle_clip is not None and not making_facts(spec):  # else it has chosen among made pictures
+    chosen_by_clip = making_facts(*spec.goal, *spec.initial)
+    if networks.idle_clip is not None and not chosen_by_clip:
         raise ConfigError(
             f"--clip was given {networks.idle_clip[:60]!r}, and nothing of this goal is seen through a CLIP; leave it "
             "out, or give words (--text) or a meaning (--semantic)."
@@ -310,7 +311,7 @@ def open_recorder(
     encoders, first = planner.encoders, next(iter(spec.goal), None)
     facts = (
         *spec.goal_facts,
-        *making_facts(spec),
+        *making_facts(*spec.goal, *spec.initial),
         *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
         *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
         *(("Remark", remark) for remark in encoders.remarks),
@@ -325,7 +326,7 @@ def open_recorder(
     )
     settings = {
         **({"photo": Path(first.value).name} if first is not None and first.kind == "image" else {}),
-        "goal": [list(fact) for fact in (*spec.goal_facts, *making_facts(spec))],
+        "goal": [list(fact) for fact in (*spec.goal_facts, *making_facts(*spec.goal, *spec.initial))],
         "encoders": [choice.record() for choice in encoders.choices],
         "remarks": list(encoders.remarks),
         **spec.record(),

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from frida_painter.session.turn_policy import answer_usually
+from frida_painter.registry import Later
 
 if TYPE_CHECKING:
     from torch import Tensor
 
     from frida_painter.easel.dialogue import Answer, Question
     from frida_painter.palette import Palette
+    from frida_painter.plan import Plan
     from frida_painter.session.events import PauseCause, Paused
-    from frida_painter.session.person_turns import Adapt
+
+    Adapt = Callable[[Any], Plan | None]
+    """Answer to a turn of a person (together.policies.TurnTaken): the strokes to paint instead of the rest, or None to
+    replan the rest for the goal."""
+
+answer_usually: Adapt = Later("frida_painter.together.policies:answer_usually")
 
 
 @dataclass(frozen=True)
@@ -31,7 +37,7 @@ class Controls:
     returns True to paint on.
     repaint: called with the number and a picture of the stroke in doubt; returns True to paint it again.
     given: called between strokes on an easel without a camera, to take a person's picture (`open_loop.look_at`).
-    adapt: answers a turn of a person who is not answered in a pause; see session.person_turns.
+    adapt: answers a turn of a person who is not answered in a pause; see together/.
     """
 
     stop_asked: Callable[[], bool] = lambda: False

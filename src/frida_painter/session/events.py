@@ -259,7 +259,7 @@ class WentOn:
 class Turns:
     """Robot and person take turns of this many strokes or minutes; 0: no turns.
 
-    policy, keep: how the robot answers what the person painted; see session.turn_policy.
+    policy, keep: how the robot answers what the person painted; see together.policies.
     """
 
     strokes: int

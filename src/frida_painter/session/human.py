@@ -20,8 +20,8 @@ from frida_painter.easel.dialogue import Answer, Confirm, Question
 from frida_painter.easel.operator import PersonAsOperator
 from frida_painter.errors import CalibrationError, FrameRejected, Interrupted
 from frida_painter.frames import PixelGrid
-from frida_painter.hardware.drivers.interlock import Interlock
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.interlock import Interlock
 from frida_painter.hardware.robot import Camera, Frame, MotionReport, Point, Waypoints
 from frida_painter.palette import Palette, to_hex
 from frida_painter.perception.rectify import rectify

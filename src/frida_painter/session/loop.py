@@ -20,8 +20,8 @@ listeners.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import Final
+from functools import cached_property, partial
+from typing import Any, Final
 
 import torch
 from torch import Tensor
@@ -31,6 +31,7 @@ from frida_painter.errors import FridaError
 from frida_painter.palette import to_hex
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
+from frida_painter.registry import Later
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
     Event,
@@ -47,7 +48,6 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import CanvasObserver, FrameDeveloper, Timelapse, has_ground
 from frida_painter.session.open_loop import ExpectedFrames, OpenLoopMonitor
-from frida_painter.session.person_turns import PersonTurns
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
 from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
 from frida_painter.session.replan_policy import ReplanPolicy
@@ -67,6 +67,9 @@ class Extent:
     seconds: float | None = None
     most: int | None = None
     frames: int = 0
+
+
+_open_turns = Later("frida_painter.together.turns:PersonTurns")
 
 
 class PaintingSession:
@@ -112,8 +115,13 @@ class PaintingSession:
             else OpenLoopMonitor(self._plans, self._executor, hand, desk, self._controls.given)
         )
         self._notify = notify
-        self.person: Final = PersonTurns(hand, observer, self._monitor, self._plans, desk)
+        self._desk = desk
         self._began_at = 0.0  # seconds of the robot's clock
+
+    @cached_property
+    def person(self) -> Any:
+        """Turns of a person (together.turns.PersonTurns), which are loaded if a person takes part."""
+        return _open_turns(self.hand, self.observer, self._monitor, self._plans, self._desk)
 
     def run(self, strokes: int, colors: int, plan: Plan | None = None) -> Painting:
         """Paints a bare canvas with `strokes` strokes, or as many as the budget allows, in `colors` paints.

@@ -8,7 +8,7 @@ PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
     ("place from the left", -1.0, 2.0), ("place from the top", -1.0, 2.0), ("press", 0.0, 1.0),
     ("tilt", 0.0, math.pi / 2), ("direction of its tilt", -100.0, 100.0), ("time", 0.0, 600.0),
 )  # fmt: skip
-"""Values of each point of a pen: name, least and greatest value; see session.person_strokes.PenStroke."""
+"""Values of each point of a pen: name, least and greatest value; see together.turns.PenStroke."""
 
 
 @dataclass(frozen=True)

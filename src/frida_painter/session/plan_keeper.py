@@ -10,10 +10,14 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
+import cv2
 import numpy as np
+import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.calibration import WetPaint
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CameraError, ConfigError, FrameDoubtful, PaintingPaused
 from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import is_evenly
@@ -37,7 +41,10 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TOLERANCE, CanvasObserver, Timelapse
 from frida_painter.session.progress import difference
 from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
-from frida_painter.session.spirit import touches
+from frida_painter.strokes import Strokes
+
+_CLEAR = 0.004  # metres that the middle of a stroke keeps from a protected part
+_SAMPLES = 9  # points of a stroke that are tested
 
 
 class PlanKeeper:
@@ -404,3 +411,15 @@ class ExecutionMonitor:
             return self._progress.canvas.last_seen
         self._journal.record_look(frame, self._observer.light)
         return canvas
+
+
+def touches(strokes: Strokes, forbidden: NDArray[np.bool_], size: CanvasSize) -> NDArray[np.bool_]:
+    """Returns True for each stroke [n] whose middle line comes within 4 mm of a forbidden place [H, W]."""
+    rows, columns = forbidden.shape
+    side = 2 * max(1, round(_CLEAR / size.height * rows)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    wide = cv2.dilate(forbidden.astype(np.uint8), disc) > 0
+    path = strokes.path(torch.linspace(0, 1, _SAMPLES)).detach().numpy()
+    column = np.clip((path[..., 0] / size.width * columns).astype(int), 0, columns - 1)
+    row = np.clip(((1 - path[..., 1] / size.height) * rows).astype(int), 0, rows - 1)
+    return np.asarray(wide[row, column].any(-1))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import CameraError, StaleFrame
 from frida_painter.frames import Lens
+from frida_painter.hardware.faults import NO_FAULTS, Faults, InSight
 from frida_painter.hardware.robot import Frame
-from frida_painter.virtual.faults import NO_FAULTS, Faults, InSight
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock
 from frida_painter.virtual.simulation_log import Note, ignore_entry

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped, WorkspaceViolation
+from frida_painter.hardware.faults import NO_FAULTS, Faults
 from frida_painter.hardware.robot import MotionReport, Waypoints
 from frida_painter.hardware.timing import Timing
-from frida_painter.virtual.faults import NO_FAULTS, Faults
 from frida_painter.virtual.simulation_log import Note, ignore_entry
 from frida_painter.virtual.tabletop import StudioLayout, Table
 

@@ -20,13 +20,13 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel, PersonStroke
+from frida_painter.hardware.faults import NO_FAULTS, Faults, PlacementError
 from frida_painter.hardware.robot import Reach, Waypoints
 from frida_painter.hardware.timing import Timing
 from frida_painter.palette import Palette
 from frida_painter.virtual.bristles import BristleBrush, Tuft, brush_names, find_brush
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas
-from frida_painter.virtual.faults import NO_FAULTS, Faults, PlacementError
 from frida_painter.virtual.paint import absorption_and_scattering, to_linear, to_srgb
 from frida_painter.virtual.person_hand import PersonHand
 from frida_painter.virtual.robot import Arm, Clock, FreeArm, VirtualRobot

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
+from frida_painter.hardware.faults import Bump, Faults, PlacementError
 from frida_painter.hardware.robot import Point, Workspace
 from frida_painter.palette import MAX_COLORS
 from frida_painter.virtual.bristles import BristleBrush, Tuft
 from frida_painter.virtual.canvas import Canvas
-from frida_painter.virtual.faults import Bump, Faults, PlacementError
 from frida_painter.virtual.paint import to_linear
 from frida_painter.virtual.simulation_log import Note, ignore_entry
 

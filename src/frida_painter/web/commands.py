@@ -184,7 +184,7 @@ class PaintStroke(_Command):
 
     brush: name of a brush of the easel.
     paint: number of a well, from 0.
-    points: as in session.person_strokes.PenStroke.
+    points: as in together.turns.PenStroke.
     """
 
     brush: Annotated[str, Field(strict=True, min_length=1, max_length=40)]

@@ -8,10 +8,10 @@ from pathlib import Path
 from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import Interrupted
-from frida_painter.runs.picture_making import MAX_PICTURES, Making, make_pictures, remove_making
-from frida_painter.runs.proposing import record_making
+from frida_painter.picture_makers.making import MAX_PICTURES, Making, make_pictures, remove_making
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import ProcedureProgress
+from frida_painter.together.proposing import record_making
 from frida_painter.web.picture_choosing import MADE, MAX_MAKINGS, MakingOrder, plain_fact
 from frida_painter.web.stop import StopWatch
 from frida_painter.web.studio_folder import Feed, PaintingFolder

@@ -6,7 +6,7 @@ web/picture_choosing.py runs it. It ends with status 2, and a sentence on the st
 import sys
 
 from frida_painter.errors import FridaError
-from frida_painter.runs.picture_making import open_picture_maker
+from frida_painter.picture_makers.making import open_picture_maker
 
 
 def main() -> None:

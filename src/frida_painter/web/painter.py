@@ -31,10 +31,15 @@ from frida_painter.easel.dialogue import (
 from frida_painter.errors import FridaError, Interrupted, StorageError
 from frida_painter.event_log import LogReader
 from frida_painter.palette import to_hex
+from frida_painter.picture_makers.making import require_canvas_maker
 from frida_painter.plan import Plan
 from frida_painter.planning.problem import region_of
-from frida_painter.runs.picture_making import require_canvas_maker
-from frida_painter.runs.proposing import (
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session import events, making_events, person_events
+from frida_painter.session.events import Event, PauseCause
+from frida_painter.session.loop import PaintingSession
+from frida_painter.together.policies import Keep, TurnTaken, answer_turn, find_turn_policy
+from frida_painter.together.proposing import (
     forbid,
     keep_region,
     propose,
@@ -44,13 +49,7 @@ from frida_painter.runs.proposing import (
     resize_mask,
     union_of,
 )
-from frida_painter.runs.spec import RunSpec
-from frida_painter.session import events, making_events, person_events
-from frida_painter.session.events import Event, PauseCause
-from frida_painter.session.loop import PaintingSession
-from frida_painter.session.person_strokes import PenStroke
-from frida_painter.session.person_turns import FoundPaint
-from frida_painter.session.turn_policy import Keep, TurnTaken, answer_turn, find_turn_policy
+from frida_painter.together.turns import FoundPaint, PenStroke
 from frida_painter.web import commands
 from frida_painter.web.commands import Command, CommandReader, command_of, parse_answer, to_plain
 from frida_painter.web.imaginer import show_pictures, without_folders

@@ -20,9 +20,9 @@ from frida_painter.errors import (
     ZeroUnknown,
 )
 from frida_painter.hardware.drivers.axidraw import KIND, LIFTS, MAX_SPEED, AxidrawRobot, AxidrawSettings
-from frida_painter.hardware.drivers.interlock import PATIENCE
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
+from frida_painter.hardware.interlock import PATIENCE
 from frida_painter.hardware.kinds import MachineName
 from frida_painter.hardware.robot import (
     ExaminedRobot,

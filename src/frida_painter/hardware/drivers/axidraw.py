@@ -16,9 +16,9 @@ from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, ZeroUnknown
 from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.drivers.ebb import MAX_STEP_RATE, STOP_BYTES, Board, BoardState
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
+from frida_painter.hardware.interlock import PATIENCE, Interlock
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, by_name, require_home
 from frida_painter.hardware.robot import (
     Examination,

@@ -11,8 +11,8 @@ import time
 from dataclasses import dataclass
 
 from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.drivers.serial_line import SerialLine
+from frida_painter.hardware.interlock import PATIENCE, Interlock
 
 MAX_STEP_RATE = 25_000
 """Greatest rate of each motor, steps/s; the board refuses a faster move."""

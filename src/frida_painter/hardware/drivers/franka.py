@@ -29,8 +29,8 @@ from frida_painter.hardware.drivers.franka_kinematics import (
     rotation_vector,
 )
 from frida_painter.hardware.drivers.franka_settings import FrankaSettings
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.gateway import FASTEST
+from frida_painter.hardware.interlock import PATIENCE, Interlock
 from frida_painter.hardware.kinds import Needed, RobotKind, at_host
 from frida_painter.hardware.robot import (
     Examination,

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import FridaError, MotionFailed, RobotError
 from frida_painter.hardware.drivers.grbl import Grbl
-from frida_painter.hardware.drivers.interlock import Interlock
 from frida_painter.hardware.drivers.marlin import Marlin
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Gcode, Servo
+from frida_painter.hardware.interlock import Interlock
 from frida_painter.hardware.kinds import (
     MachineName,
     Needed,

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import steady
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock
 from frida_painter.hardware.drivers.serial_line import FLOOD, SerialLine, StrangeLines
 from frida_painter.hardware.gcode import Gcode
+from frida_painter.hardware.interlock import PATIENCE, Interlock
 from frida_painter.hardware.robot import MachineFact
 from frida_painter.hardware.timing import AxisTiming
 

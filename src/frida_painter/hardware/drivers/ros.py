@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import steady
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
+from frida_painter.hardware.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.robot import (
     Examination,
     MachineFact,

@@ -7,8 +7,8 @@ from typing import Any
 from frida_painter import registry
 from frida_painter.errors import ConfigError, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line
-from frida_painter.hardware.drivers.interlock import PATIENCE
 from frida_painter.hardware.drivers.ros import Message, RosRobot, RosSettings
+from frida_painter.hardware.interlock import PATIENCE
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
 from frida_painter.hardware.robot import Workspace
 

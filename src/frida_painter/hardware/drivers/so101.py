@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, steady
-from frida_painter.hardware.drivers.interlock import Interlock
 from frida_painter.hardware.gateway import FASTEST
+from frida_painter.hardware.interlock import Interlock
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, require_home
 from frida_painter.hardware.robot import (
     Examination,

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import steady, within
-from frida_painter.hardware.drivers.interlock import PATIENCE, Interlock, motion_timeout
+from frida_painter.hardware.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
 from frida_painter.hardware.robot import (
     Examination,

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import torch
 from torch import Tensor
 
-from frida_painter import registry, storage, tensor_file, weights
+from frida_painter import registry, storage, tensor_file
 from frida_painter.errors import FridaError, WeightsError
 from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
-from frida_painter.weights.hub_folder import tensor_names
+from frida_painter.registry import Later, cache_folder
 
 if TYPE_CHECKING:
     from frida_painter.objectives.encoders.sentence import SentenceEncoder
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 Kept = TypeVar("Kept")
 
+_find_weights = Later("frida_painter.weights:find")
+_read_weights = Later("frida_painter.weights:tensors")
+_tensor_names = Later("frida_painter.weights.hub_folder:tensor_names")
 GROUP = registry.ENCODERS
 """Group of entry points in which packages register their encoders."""
 _CLIPS = {"clip-vit-b-32": "CLIP ViT-B/32", "clip-vit-l-14": "CLIP ViT-L/14"}  # the first that is here is used
@@ -100,7 +103,7 @@ class EncoderRegistry:
         from frida_painter.objectives.encoders.vgg import Vgg16
 
         if self._vgg is None:
-            if weights.find("vgg16", self.cache) is not None:
+            if _find_weights("vgg16", self.cache) is not None:
                 self._vgg = Vgg16.of_torchvision(self._tensors("vgg16"))
                 self.choices.append(Choice("style", "VGG16"))
             else:
@@ -147,7 +150,7 @@ class EncoderRegistry:
                 self._clip = self._load_clip(self._clip_source)
                 return self._clip
             for known, called in _CLIPS.items():
-                if self._clip is None and (folder := weights.find(known, self.cache)) is not None:
+                if self._clip is None and (folder := _find_weights(known, self.cache)) is not None:
                     self._clip = Clip.load(folder, called)
         return self._clip
 
@@ -160,7 +163,7 @@ class EncoderRegistry:
 
     def shapes(self) -> "Vgg16 | None":
         """Returns the network for shapes; None, with a note in `choices`, if neither VGG16 nor HED was fetched."""
-        if self._vgg is None and all(weights.find(name, self.cache) is None for name in ("vgg16", "hed")):
+        if self._vgg is None and all(_find_weights(name, self.cache) is None for name in ("vgg16", "hed")):
             missing = Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed")
             self._note(missing)
             return None
@@ -177,7 +180,7 @@ class EncoderRegistry:
 
     def edges_if_any(self) -> "Hed | None":
         """Returns the edge detector; None if it was not fetched."""
-        return None if self._edges is None and weights.find("hed", self.cache) is None else self.edges()
+        return None if self._edges is None and _find_weights("hed", self.cache) is None else self.edges()
 
     def aside(self) -> Seer:
         """Returns the network for the validation, which decides when to stop.
@@ -187,7 +190,7 @@ class EncoderRegistry:
         from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 
         if self._aside is None:
-            other = weights.find("efficientnet-lite2", self.cache)
+            other = _find_weights("efficientnet-lite2", self.cache)
             if other is None:
                 better = "an eye kept aside: frida-painter models fetch efficientnet-lite2"
                 self.choices.append(Choice("progress", "the same network", better))
@@ -256,13 +259,13 @@ class EncoderRegistry:
     @property
     def meanings(self) -> Path:
         """Folder of cached embeddings of names."""
-        return weights.cache_folder(self.cache) / "meanings"
+        return cache_folder(self.cache) / "meanings"
 
     def _has(self, name: str) -> bool:
-        return weights.find(name, self.cache) is not None
+        return _find_weights(name, self.cache) is not None
 
     def _tensors(self, name: str) -> dict[str, Tensor]:
-        return {part: tensor.to(self.device) for part, tensor in weights.tensors(name, self.cache).items()}
+        return {part: tensor.to(self.device) for part, tensor in _read_weights(name, self.cache).items()}
 
     def _load_clip(self, source: str) -> Encoder:
         """Returns the encoder of an installed package, or the CLIP of a file, a folder or a hub's name."""
@@ -271,7 +274,7 @@ class EncoderRegistry:
         for point in entry_points(group=GROUP, name=source):
             return _load_plugin(point, self.device)
         path = storage.in_home(source)
-        if storage.exists(path) and any(name.startswith("visual.layer1.") for name in tensor_names(path)):
+        if storage.exists(path) and any(name.startswith("visual.layer1.") for name in _tensor_names(path)):
             tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
             return ClipResNet({name: tensor.to(self.device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
         return Clip.load(source, cache=self.cache, tell=self.tell, heed=self.heed)

@@ -3,7 +3,7 @@
 The chosen picture is then a goal like any other. The folder of the pictures has `making.json` beside them, the record
 of their maker, words and seeds; it follows a picture into the folder of its painting. A record may also stand beside
 one picture alone, as NAME.making.json beside NAME.png. In the middle of a painting, pictures begin from its canvas
-(`runs/proposing.py`).
+(`together/proposing.py`).
 """
 
 import math
@@ -26,7 +26,7 @@ from frida_painter.errors import ConfigError, FridaError, ImageError, MakingFail
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.planning.problem import Region
-from frida_painter.runs.goal_item import GoalItem, name_of
+from frida_painter.runs.goal_item import MAKING, MAKING_FORMAT, MAKING_VERSION, GoalItem, name_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device
 from frida_painter.storage import count_of
@@ -36,9 +36,6 @@ USUAL_PICTURES = 4
 USUAL_MINUTES, MAX_MINUTES = 30.0, 24 * 60.0
 MAX_BYTES = 200 * 10**6
 """Largest size of a file that a maker returns."""
-MAKING = "making.json"
-"""Record of a making, beside its pictures."""
-_FORMAT, _VERSION = "frida-painter making", 1
 CANVAS, FREE = "canvas.png", "free.png"
 """Files of the canvas that pictures begin from, and of the mask of its free part (white), beside the pictures."""
 STRENGTH = 0.7
@@ -266,7 +263,9 @@ class Making:
     def choose(self, index: int, why: str) -> Path:
         """Writes the record of the making with the chosen picture, and returns its file. Raises StorageError."""
         record = {
-            "format": _FORMAT, "version": _VERSION, "words": self.words, "maker": self.maker, "facts": dict(self.facts),
+            "format": MAKING_FORMAT,
+            "version": MAKING_VERSION,
+            "words": self.words, "maker": self.maker, "facts": dict(self.facts),
             "made": datetime.now(UTC).isoformat(timespec="seconds"),
             "pictures": [
                 {"file": one.file.name, "seed": one.seed, "sha256": storage.sha256(one.file, "a made picture")}
@@ -417,20 +416,6 @@ def _rank(
     return int(near.argmax()), f"it is the nearest to the words by {reader.name}"
 
 
-def usual_maker(spec: RunSpec) -> str | None:
-    """Returns the fetched maker if it makes the first picture of words; None if none is here, or is wanted.
-
-    It is wanted for words without another picture to begin with, unless the description says how to begin them, or
-    who guides them.
-    """
-    kinds = {item.kind for item in spec.goal}
-    free = spec.beginning == "auto" and spec.pictures is None and spec.guide is None
-    free = free and all(item.kind == "text" for item in spec.initial)
-    return (
-        "diffusers" if free and {"text"} <= kinds <= {"text", "style"} and registry.are_here(registry.IMAGINE) else None
-    )
-
-
 def imagine(spec: RunSpec, make: Callable[[str, int], Path], networks: EncoderRegistry) -> RunSpec:
     """Returns the description with pictures in place of words.
 
@@ -462,12 +447,6 @@ def imagine(spec: RunSpec, make: Callable[[str, int], Path], networks: EncoderRe
     return spec.with_values(**changes)
 
 
-def making_file(picture: Path) -> Path | None:
-    """Returns the file beside a picture that records its making, of this picture alone or of several; else None."""
-    files = (picture.with_suffix(f".{MAKING}"), picture.parent / MAKING)
-    return next((file for file in files if storage.exists(file)), None)
-
-
 def remove_making(folder: Path) -> None:
     """Removes a making: the pictures that its record names, the record, and the folder if nothing else is in it."""
     with suppress(FridaError, OSError, KeyError, TypeError):
@@ -475,36 +454,3 @@ def remove_making(folder: Path) -> None:
             (folder / Path(one["file"]).name).unlink(missing_ok=True)
         (folder / MAKING).unlink()
         folder.rmdir()
-
-
-def read_making(picture: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
-    """Returns the record of the making of a picture, and the entry of this picture in it, known by its hash.
-
-    None if there is no record beside the picture, or if the record is of other pictures.
-    """
-    file = making_file(picture)
-    if file is None:
-        return None
-    try:
-        record = storage.read_json(file, "the record of a making")
-        content = storage.sha256(picture, "a made picture")
-        same = [one for one in record.get("pictures", ()) if one.get("sha256") == content]
-        mine = next((one for one in same if one["file"] == record.get("chosen")), same[0] if same else None)
-        known = record.get("format") == _FORMAT and record.get("version") == _VERSION
-    except (FridaError, AttributeError, KeyError, TypeError):  # it belongs to nothing
-        return None
-    return (record, mine) if known and mine is not None else None
-
-
-def making_facts(spec: RunSpec) -> tuple[tuple[str, str], ...]:
-    """Returns how pictures of the goal were made, for page and record, as (label, description)."""
-    found = []
-    for item in (*spec.goal, *spec.initial):
-        made = None if item.path is None else read_making(item.path)
-        if made is None:
-            continue
-        record, picture = made
-        facts = [str(fact) for name, fact in record["facts"].items() if name != "sha256"]
-        maker = ", ".join((record["maker"], *facts))
-        found.append(("Made", f"{picture['file']} from “{record['words']}” by {maker}, seed {picture['seed']}"))
-    return tuple(found)

@@ -14,9 +14,9 @@ from frida_painter import images
 from frida_painter.cli.by_words import Proposer, ask_at_terminal, read_line, require_proposer
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import EventLog
-from frida_painter.runs import proposing
 from frida_painter.session.events import Event, Paused, StrokePainted
 from frida_painter.session.journal import History, Journal
+from frida_painter.together import proposing
 from support.planning import picture
 from support.session import SessionSetup
 

@@ -15,9 +15,8 @@ from frida_painter.hardware.easel import PersonStroke
 from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import find_painted
 from frida_painter.plan import Plan
-from frida_painter.session.spirit import touches, trace_strokes
-from frida_painter.session.turn_policy import TurnTaken, answer_turn, find_turn_policy, take_turn
 from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.together.policies import TurnTaken, answer_turn, find_turn_policy, take_turn, touches, trace_strokes
 
 SIZE = CanvasSize(0.12, 0.09)
 ROWS, COLUMNS = 90, 120

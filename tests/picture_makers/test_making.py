@@ -12,11 +12,8 @@ from torch import Tensor
 
 from frida_painter import images, registry, storage
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError, WeightsError
-from frida_painter.planning.problem import Region
-from frida_painter.runs import picture_making
-from frida_painter.runs.goals import open_goal
-from frida_painter.runs.painting_folder import keep_goal, read_goal
-from frida_painter.runs.picture_making import (
+from frida_painter.picture_makers import making as picture_making
+from frida_painter.picture_makers.making import (
     Making,
     PictureMakerKind,
     PictureRequest,
@@ -24,10 +21,12 @@ from frida_painter.runs.picture_making import (
     imagine,
     make_each,
     make_pictures,
-    making_facts,
-    read_making,
     require_canvas_maker,
 )
+from frida_painter.planning.problem import Region
+from frida_painter.runs.goal_item import making_facts, read_making
+from frida_painter.runs.goals import open_goal
+from frida_painter.runs.painting_folder import keep_goal, read_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 
@@ -244,11 +243,13 @@ def test_a_chosen_picture_is_an_ordinary_goal_and_its_record_follows_it(
     spec = imagine(SPEC, lambda words, number: making.choose(1, "a person chose it"), Here())
     (item,) = spec.goal
     assert (item.kind, item.weight, spec.title, spec.name) == ("image", 2.0, "A lighthouse", "a-lighthouse-2")
-    (fact,) = making_facts(spec)
+    (fact,) = making_facts(*spec.goal, *spec.initial)
     assert fact == ("Made", "a-lighthouse-2.png from “a lighthouse” by fake, a fake, seed 6")
     keep_goal(spec, tmp_path / "painting")
     kept = RunSpec.of(**read_goal(tmp_path / "painting"))
-    assert making_facts(kept) == making_facts(spec), "also in the painting's folder, so that resume tells it too"
+    assert making_facts(*kept.goal, *kept.initial) == making_facts(*spec.goal, *spec.initial), (
+        "also in the painting's folder, so that resume tells it too"
+    )
     record = json.loads((tmp_path / "painting" / "goal" / "1" / "making.json").read_text())
     assert record["because"] == "a person chose it" and record["facts"]["sha256"] == "0f" * 32
     assert [one["seed"] for one in record["pictures"]] == [5, 6]
