@@ -260,10 +260,7 @@ def learn_on(bar: Progress, model: str, library: "StrokeLibrary", kind: "BrushKi
 
 
 def paint_library(kind: "BrushKind", out: Path, count: int, seed: int, refill_every: int = 1) -> "StrokesFinding":
-    """Has the virtual studio paint a library of strokes into a file, and shows the progress.
-
-    kind: brush that paints, perhaps with a family.
-    """
+    """Has the virtual studio paint a library of strokes of a brush into a file, and shows the progress."""
     from frida_painter.brush.library import Flaw
     from frida_painter.easel.dialogue import lead
     from frida_painter.easel.virtual_easel import open_virtual_easel

@@ -5,11 +5,11 @@ This module loads no tensors.
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 from pydantic.fields import FieldInfo
@@ -21,6 +21,9 @@ from frida_painter.palette_file import is_palette_file, read_colors
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.shares import AUTO, parse_brushes, parse_families
 from frida_painter.session.replan_policy import parse_replan_policy
+
+_T = TypeVar("_T")
+_R = TypeVar("_R")
 
 # Faults of a description, in the words of the command line.
 
@@ -96,13 +99,16 @@ def millimetres_and_degrees(text: str | None) -> tuple[float, float, float] | No
     return x, y, math.radians(turn)
 
 
-def _canvas(value: Any) -> CanvasSize:
-    if isinstance(value, CanvasSize):
-        return value
+def _read(parse: Callable[[_T], _R], value: _T) -> _R:
+    """Returns the result of a parser. Raises ValueError for its ConfigError, as pydantic expects."""
     try:
-        return CanvasSize.parse(str(value))
+        return parse(value)
     except ConfigError as error:
         raise ValueError(str(error)) from error
+
+
+def _canvas(value: Any) -> CanvasSize:
+    return value if isinstance(value, CanvasSize) else _read(CanvasSize.parse, str(value))
 
 
 def _millimetres(size: CanvasSize) -> str:
@@ -126,10 +132,7 @@ def _whole_guide(guide: str | None) -> str | None:
 
 
 def _placement(text: str | None) -> str | None:
-    try:
-        millimetres_and_degrees(text)
-    except ConfigError as error:
-        raise ValueError(str(error)) from error
+    _read(millimetres_and_degrees, text)
     return text
 
 
@@ -192,11 +195,8 @@ def _whole_paints(paints: str) -> str:
 
 
 def _policy(text: str | None) -> str | None:
-    try:
-        if text is not None:
-            parse_replan_policy(text)
-    except ConfigError as error:
-        raise ValueError(str(error)) from error
+    if text is not None:
+        _read(parse_replan_policy, text)
     return text
 
 
@@ -242,10 +242,7 @@ def _goal_items(value: Any) -> Any:
 
 
 def _plain(items: tuple[GoalItem, ...], *, beginning: bool) -> tuple[GoalItem, ...]:
-    try:
-        return tuple(item.plain(beginning=beginning) for item in items)
-    except ConfigError as error:
-        raise ValueError(str(error)) from error
+    return tuple(_read(partial(GoalItem.plain, beginning=beginning), item) for item in items)
 
 
 Items = Annotated[tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=False))]

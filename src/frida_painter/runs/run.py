@@ -412,27 +412,52 @@ class PaintingRun:
         resuming.recall_brush(session.hand, history, self.controls.answer)
         if (begun := history.person_in_doubt) is not None:
             session.person.finish(PersonStroke.of(begun.stroke))
-        if not self.easel.has_camera:
-            return self._resume_open_loop(session, recorder, journal, history, kept)
         unseen = len(history.person) > history.person_seen  # of a person who painted in the pause that broke off
-        now = session.look()
-        images.save(now, self.folder / NOW)
-        before = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
-        if before is not None and not unseen and not self._is_as_left(session, before, now):
-            before = None
+        before, now = self._find_canvas(session, kept, unseen=unseen)
         if history.person:
             session.person.remember(history.person, history.person_seen, history.person_released)
-        journal.record_resume(history, repaint=self._repaints(now))
+        doubtful = history.in_doubt is not None
+        journal.record_resume(history, repaint=now is not None and self._repaints(now))
         self._stack.enter_context(recorder)
-        if kept is None:
+        if kept is None or now is None:
             first = self.plan() if self.spec.together else None
             return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors, first))
-        if any(stroke >= kept.planning.done for stroke in history.left_out):
+        if doubtful and not self.easel.has_camera:  # the answer may have changed what is on the canvas
+            before, now = self._expect_canvas(kept)
+        elif any(stroke >= kept.planning.done for stroke in history.left_out) and self.easel.has_camera:
             before = None  # a stroke that was given up is there, in part or not at all: only this look tells
         wet = history.wet(None if self.easel.simulated else datetime.now(UTC))
         person = len(history.person), unseen, kept.planning.answers
         where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out, *person)
         return self._to_its_end(session, recorder, lambda: session.resume(where))
+
+    def _find_canvas(
+        self, session: PaintingSession, kept: resuming.KeptPlan | None, *, unseen: bool
+    ) -> tuple[Tensor | None, Tensor | None]:
+        """Returns the canvas that the plan was made for, if it is known, and the canvas now; saves the latter.
+
+        Without a camera, both are taken to be as the journal tells; without a plan either, neither is known.
+        unseen: True if a person painted after the last look.
+        """
+        before: Tensor | None
+        if self.easel.has_camera:
+            now = session.look()
+            images.save(now, self.folder / NOW)
+            before = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
+            if before is not None and not unseen and not self._is_as_left(session, before, now):
+                before = None
+            return before, now
+        if kept is None:
+            return None, None
+        before, now = self._expect_canvas(kept)
+        images.save(now, self.folder / NOW)
+        return before, now
+
+    def _expect_canvas(self, kept: resuming.KeptPlan) -> tuple[Tensor, Tensor]:
+        """Returns the canvas that the plan was made for, and the canvas now, as the journal tells them."""
+        assert self.history is not None
+        done, left_out = self.history.painted, self.history.left_out
+        return resuming.resume_open_loop(self.folder, kept, done, left_out, self.planner.models)
 
     def _take_up_record(self) -> None:
         """Reads the record of a reopened painting, if it has one; an older one without hashes of files stays."""
@@ -442,34 +467,6 @@ class PaintingRun:
             if known.results:
                 self._led, self._before = "", hash_files(self.folder)
             self._run_record = None if known.results and not known.files else known
-
-    def _resume_open_loop(
-        self,
-        session: PaintingSession,
-        recorder: Recorder,
-        journal: Journal,
-        history: History,
-        kept: resuming.KeptPlan | None,
-    ) -> RunOutcome:
-        """Paints the rest without a look: the canvas is taken to be as the journal tells."""
-        if kept is None:
-            journal.record_resume(history, repaint=False)
-            self._stack.enter_context(recorder)
-            return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors))
-
-        def expect() -> tuple[Tensor, Tensor]:
-            return resuming.resume_open_loop(self.folder, kept, history.painted, history.left_out, self.planner.models)
-
-        doubtful = history.in_doubt is not None
-        before, now = expect()
-        images.save(now, self.folder / NOW)
-        journal.record_resume(history, repaint=self._repaints(now))
-        self._stack.enter_context(recorder)
-        if doubtful:  # the answer may have changed what is on the canvas
-            before, now = expect()
-        wet = history.wet(None if self.easel.simulated else datetime.now(UTC))
-        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out)
-        return self._to_its_end(session, recorder, lambda: session.resume(where))
 
     def show_picture(self, canvas: AnyPicture) -> RunOutcome:
         """Makes the results of a finished painting again, with a person's picture of its canvas."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -209,38 +209,27 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
     model: stroke models instead of the description's brushes.
     """
     known = None if spec.calibration is None else Calibration.load(spec.calibration)
-    unnamed = spec.brushes is None and spec.strokes_of is None
-    usual = unnamed and (spec.strokes < FEWEST_FOR_LAYERS or _is_short(spec) or spec.together)
-    names = spec.brush_names[:1] if usual else spec.brush_names
-    layers = spec.layers if unnamed or len(names) == 1 else len(names)
-    shares = spec.shares if len(names) > 1 else None
+    names, shares = spec.brush_names, spec.shares
+    layers = spec.layers if len(names) == 1 or not spec.names_brushes else len(names)
     if model is None:
         models = {name: cached_table(load_stroke_model(_source(name, known))) for name in names}
         model = [models[name] for name in names]
     else:
         layers, shares = spec.layers, None
-    return PlannerSettings(
-        spec.canvas,
-        model,
-        strokes=spec.strokes,
-        colors=spec.colors,
-        rows=spec.render_height,
-        effort=Effort().scale(spec.effort),
-        seed=spec.seed,
-        layers=1 if layers is None and (_is_short(spec) or spec.together) else layers,
-        shares=shares,
-        new_paints=spec.new_paints is not False and spec.palette is None,
-        focus=spec.focus,
-        ground=ground_color(wanted_ground(spec)) or WHITE,
-        darkest=darkest_paint(spec),
-        paints=spec.paints if spec.palette is None else ANY_PAINTS,
-        planner=spec.planner,
-    )
-
-
-def _is_short(spec: RunSpec) -> bool:
-    """Returns True if drying once would take more than a third of the robot's time."""
-    return spec.minutes is not None and spec.minutes < 3 * spec.drying
+    told: dict[str, Any] = {
+        one.name: getattr(spec, one.name) for one in fields(PlannerSettings) if one.name in RunSpec.model_fields
+    }
+    told |= {
+        "rows": spec.render_height,
+        "effort": Effort().scale(spec.effort),
+        "layers": 1 if layers is None and (spec.is_short or spec.together) else layers,
+        "shares": shares,
+        "new_paints": spec.new_paints is not False and spec.palette is None,
+        "ground": ground_color(wanted_ground(spec)) or WHITE,
+        "darkest": darkest_paint(spec),
+        "paints": spec.paints if spec.palette is None else ANY_PAINTS,
+    }
+    return PlannerSettings(spec.canvas, model, **told)
 
 
 def _source(brush: str, known: Calibration | None) -> str | Path:
@@ -455,7 +444,7 @@ def choices(spec: RunSpec) -> Sequence[str]:
 
     Raises ConfigError if the calibration record has none of them.
     """
-    several = spec.strokes >= FEWEST_FOR_LAYERS and not _is_short(spec)
+    several = spec.strokes >= FEWEST_FOR_LAYERS and not spec.is_short
     named = (*(IN_LAYERS if several else ()), *([] if several and spec.simulated else IN_ONE_LAYER))
     if spec.simulated or spec.calibration is None:
         return named

@@ -14,6 +14,7 @@ from frida_painter import storage
 from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, SIMULATED
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.word_settings import USUAL, WordSettings
+from frida_painter.planning.settings import FEWEST_FOR_LAYERS
 from frida_painter.runs.fields import NAMED_PAINTS, canvas_of, paints_of, sentence_on
 from frida_painter.runs.settings import (
     CanvasSettings,
@@ -30,11 +31,10 @@ VERSION = 1
 SETTLED = ("strokes", "layers", "colors", "canvas", "brushes", "new_paints", "ground", "paints")
 """Settings that a plan depends on; they cannot change once there is a plan."""
 USUAL_BRUSHES = "broad:30%,medium:35%,fine:35%"
-"""Default brushes of a picture in the virtual studio; plans for other goals, or with few strokes, use the first one."""
+"""Default brushes of a picture in the virtual studio."""
 FEWER_BRUSHES = "broad:50%,medium:50%"
 """Default brushes of a picture with less than 200 strokes, or if drying twice takes a third of the minutes."""
 _FEWEST_FOR_ALL = 200  # strokes
-_FEWEST_WITH_SEVERAL = 100  # strokes
 WORDS_BRUSHES = "broad:50%,fine:50%"
 """Default brushes of words alone; people recognise a thing by its outline and its small parts."""
 FILM_FRAMES = 120
@@ -79,12 +79,12 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
             raise ValueError("--strokes-of adds a layer for each family; leave out --layers, and name the --brushes")
         if self.brushes == AUTO and self.layers is not None:
             raise ValueError(f"--brushes {AUTO} says how many layers there are, and --layers too; leave out one")
-        if self._names_brushes and len(self.brush_names) > self.strokes:
+        if self.names_brushes and len(self.brush_names) > self.strokes:
             raise ValueError(
                 f"{len(self.brush_names)} layers for {count_of(self.strokes, 'stroke')}; give at most as many brushes"
             )
         for name, share in zip(self.brush_names, self.shares or (), strict=False):
-            if self._names_brushes and round(self.strokes * share) == 0:
+            if self.names_brushes and round(self.strokes * share) == 0:
                 raise ValueError(
                     f"{name} gets {100 * share:g} % of {count_of(self.strokes, 'stroke')}, which is not one stroke; "
                     "give it a larger share, or leave it out"
@@ -256,7 +256,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
         return WordSettings(self.beginning, self.avoid)
 
     @property
-    def _names_brushes(self) -> bool:
+    def names_brushes(self) -> bool:
         """True if the description names its brushes, instead of leaving them to the defaults or the planner."""
         return self.brushes not in (None, AUTO) or self.strokes_of is not None
 
@@ -266,8 +266,6 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
         if self.strokes_of is None:
             return self._own_brushes
         families, own = family_shares(self.strokes_of), brush_shares(self._own_brushes)
-        if self.brushes is None and self.strokes < _FEWEST_WITH_SEVERAL:
-            own = own[:1]  # few strokes are not divided among brushes
         left = 1 - sum(share for _, share in families)
         shares = [share for _, share in own]
         usual = (1.0,) if len(own) == 1 else (0.6, *[0.4 / (len(own) - 1)] * (len(own) - 1))
@@ -282,10 +280,10 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
         """Named brushes, or the default ones; several only if the robot changes brushes itself."""
         if self.brushes is not None and self.brushes != AUTO:
             return self.brushes
-        if self.layers is not None or not self.simulated:
-            return "broad"
-        if self.together:
+        if self.together and self.simulated and self.layers is None:
             return "medium"
+        if self.layers is not None or not self.simulated or self.is_short or self.strokes < FEWEST_FOR_LAYERS:
+            return "broad"
         if self.is_words:
             return WORDS_BRUSHES
         hurried = self.minutes is not None and self.minutes < 6 * self.drying
@@ -294,7 +292,12 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
     @property
     def _dryings(self) -> int:
         """Number of times that a layer dries before the next one, for the requested layers."""
-        return max(len(self.brush_names) if self._names_brushes else 1, self.layers or 1) - 1
+        return max(len(self.brush_names) if self.names_brushes else 1, self.layers or 1) - 1
+
+    @property
+    def is_short(self) -> bool:
+        """True if drying once would take more than a third of the robot's time."""
+        return self.minutes is not None and self.minutes < 3 * self.drying
 
     @property
     def is_words(self) -> bool:
@@ -349,8 +352,6 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
 
 FILES = tuple(name for name, field in RunSpec.model_fields.items() if field.annotation == Path | None)
 """Settings that name files, other than those of the goal."""
-EASEL = tuple(MachineSettings.model_fields)
-"""Settings of the easel, which do not change the picture."""
 
 
 def _spell_out(settings: Mapping[str, Any]) -> dict[str, Any]:

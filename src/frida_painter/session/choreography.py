@@ -1,7 +1,7 @@
 """Choreography of a plan: dips, rinses, wipes and strokes as motions in their order, before anything moves.
 
 This module does not use a robot. It also tells how many motions, how much time and how much paint a plan takes. The
-class `Brushwork` performs the motions.
+class `Hand` (hand.py) performs the motions.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

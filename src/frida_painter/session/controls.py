@@ -33,6 +33,7 @@ class Controls:
     mixed: waits until the wells are filled; returns the really mixed paints, None for the wanted ones. Default: the
     paints of the description.
     answer: answers a question at a real easel. None: nobody is asked.
+
     paint_on: called with a sentence and a photograph [3, H, W] of a canvas that is not bare, or has changed;
     returns True to paint on.
     repaint: called with the number and a picture of the stroke in doubt; returns True to paint it again.

@@ -24,25 +24,21 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import TypeAdapter
 
-from frida_painter.session.making_events import MakingStarted, PicturesMade
+from frida_painter.session import making_events as making_events
+from frida_painter.session import setup_events as setup_events
+from frida_painter.session.event import Event as Event
+from frida_painter.session.event import Moment as Moment
+from frida_painter.session.event import Written as Written
 from frida_painter.session.person_events import GoalChanged as GoalChanged
 from frida_painter.session.person_events import PersonPaintShown as PersonPaintShown
 from frida_painter.session.person_events import PersonStrokeBegan as PersonStrokeBegan
 from frida_painter.session.person_events import PersonStrokePainted as PersonStrokePainted
 from frida_painter.session.person_events import RegionProtected as RegionProtected
 from frida_painter.session.person_events import RequestTaken as RequestTaken
-from frida_painter.session.setup_events import (
-    MachineTold,
-    SetupLeft,
-    SetupStands,
-    SetupStarted,
-    SetupStepBegan,
-    SetupWritten,
-)
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -102,8 +98,7 @@ class Timetable:
 # Written events for the studio page only: of plans, of the display of a painting, and of calibration.
 
 
-@dataclass(frozen=True)
-class PlanRequested:
+class PlanRequested(Written):
     """A person asked for plan number `plan`.
 
     wish: request of the page.
@@ -113,8 +108,7 @@ class PlanRequested:
     wish: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class PlanningProgress:
+class PlanningProgress(Written):
     """Progress of planning.
 
     share: in [0, 1].
@@ -127,8 +121,7 @@ class PlanningProgress:
     plan: int | None = None
 
 
-@dataclass(frozen=True)
-class PlanPreview:
+class PlanPreview(Written):
     """Picture of a plan that is being made.
 
     plan: plan number, None during a painting.
@@ -138,8 +131,7 @@ class PlanPreview:
     plan: int | None = None
 
 
-@dataclass(frozen=True)
-class PlanMade:
+class PlanMade(Written):
     """Plan number `plan` is ready, after `seconds`.
 
     nearer: share of the bare canvas's distance to the goal that the plan removes.
@@ -163,8 +155,7 @@ class PlanMade:
     remarks: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True)
-class Queued:
+class Queued(Written):
     """Plan number `plan` waits for other jobs.
 
     job: "plan" if it waits to be made, "paint" if it waits to be painted.
@@ -174,8 +165,7 @@ class Queued:
     job: str
 
 
-@dataclass(frozen=True)
-class Dequeued:
+class Dequeued(Written):
     """Plan number `plan` no longer waits.
 
     begun: True if its job began, False if a person removed it.
@@ -185,8 +175,7 @@ class Dequeued:
     begun: bool
 
 
-@dataclass(frozen=True)
-class RestReplanned:
+class RestReplanned(Written):
     """The rest was replanned after `done` strokes.
 
     gain: as in Planned. The other fields: as in PlanMade.
@@ -200,43 +189,37 @@ class RestReplanned:
     palette: list[dict[str, Any]]
 
 
-@dataclass(frozen=True)
-class PaintingStarted:
+class PaintingStarted(Written):
     """A person started the painting of plan number `plan`, with `of` strokes."""
 
     plan: int
     of: int
 
 
-@dataclass(frozen=True)
-class TakenUp:
+class TakenUp(Written):
     """A person resumed a painting; `done` strokes are painted."""
 
     done: int
 
 
-@dataclass(frozen=True)
-class Mixing:
+class Mixing(Written):
     """The wells are being filled."""
 
 
-@dataclass(frozen=True)
-class TimeLeft:
+class TimeLeft(Written):
     """Current forecast of the seconds until the last stroke."""
 
     seconds: float
 
 
-@dataclass(frozen=True)
-class PhotographShown:
+class PhotographShown(Written):
     """Photograph of the canvas after `done` strokes."""
 
     picture: str
     done: int
 
 
-@dataclass(frozen=True)
-class LookShown:
+class LookShown(Written):
     """Pictures of a look after `done` strokes: the seen canvas, the expected canvas and their difference."""
 
     done: int
@@ -245,18 +228,15 @@ class LookShown:
     difference: str
 
 
-@dataclass(frozen=True)
-class Considering:
+class Considering(Written):
     """The painter works on a request that a person made in a pause."""
 
 
-@dataclass(frozen=True)
-class WentOn:
+class WentOn(Written):
     """A pause has ended."""
 
 
-@dataclass(frozen=True)
-class Turns:
+class Turns(Written):
     """Robot and person take turns of this many strokes or minutes; 0: no turns.
 
     policy, keep: how the robot answers what the person painted; see together.policies.
@@ -268,20 +248,17 @@ class Turns:
     keep: str = "welcome"
 
 
-@dataclass(frozen=True)
-class Remark:
+class Remark(Written):
     """Reason why a request could not be done as asked."""
 
     sentence: str
 
 
-@dataclass(frozen=True)
-class Finishing:
+class Finishing(Written):
     """The robot no longer moves; film, page and exports are being made."""
 
 
-@dataclass(frozen=True)
-class PaintingKept:
+class PaintingKept(Written):
     """The folder of a painting is complete.
 
     film: True if it holds a film.
@@ -294,20 +271,17 @@ class PaintingKept:
     painters: bool = False
 
 
-@dataclass(frozen=True)
-class Asked:
+class Asked(Written):
     """Question to a person, in the form of web/painter.py."""
 
     question: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Answered:
+class Answered(Written):
     """A person answered the question."""
 
 
-@dataclass(frozen=True)
-class PersonMayPaint:
+class PersonMayPaint(Written):
     """A person may paint on the canvas now.
 
     brushes: name of each brush, and the widths of its marks in metres: `light` and `hard`.
@@ -318,45 +292,39 @@ class PersonMayPaint:
     wells: list[str]
 
 
-@dataclass(frozen=True)
-class Rests:
+class Rests(Written):
     """The worker has ended."""
 
 
 # Written events of a calibration.
 
 
-@dataclass(frozen=True)
-class CalibrationStarted:
+class CalibrationStarted(Written):
     """A person started these procedures, in this order."""
 
     what: list[str]
 
 
-@dataclass(frozen=True)
-class CalibrationStatus:
+class CalibrationStatus(Written):
     """Status of each procedure: its name, its date, the reason to repeat it, and whether it is old."""
 
     easel: str
     procedures: list[dict[str, Any]]
 
 
-@dataclass(frozen=True)
-class ProcedureBegan:
+class ProcedureBegan(Written):
     """A procedure has begun."""
 
     name: str
 
 
-@dataclass(frozen=True)
-class ProcedureProgress:
+class ProcedureProgress(Written):
     """Progress of a procedure, in words."""
 
     words: str
 
 
-@dataclass(frozen=True)
-class ProcedureFound:
+class ProcedureFound(Written):
     """Result of a procedure, with a picture if there is one."""
 
     name: str
@@ -364,15 +332,13 @@ class ProcedureFound:
     picture: str | None = None
 
 
-@dataclass(frozen=True)
-class TeachingStarted:
+class TeachingStarted(Written):
     """A person taught marks of a stroke; the family of this name is now learned."""
 
     name: str
 
 
-@dataclass(frozen=True)
-class FamilyTaught:
+class FamilyTaught(Written):
     """The family of this name was learned for a brush; `picture` is its sheet, for the page."""
 
     name: str
@@ -381,20 +347,10 @@ class FamilyTaught:
     picture: str
 
 
-PageEvent = (
-    PlanRequested | PlanningProgress | PlanPreview | PlanMade | RestReplanned | PaintingStarted | TakenUp | Mixing
-    | TimeLeft | PhotographShown | LookShown | Considering | WentOn | Turns | Remark | Finishing | PaintingKept | Asked
-    | Answered | PersonMayPaint | PersonPaintShown | Rests | Queued | Dequeued | CalibrationStarted | CalibrationStatus
-    | ProcedureBegan | ProcedureProgress | ProcedureFound | TeachingStarted | FamilyTaught | MakingStarted
-    | PicturesMade | SetupStarted | SetupLeft | SetupStands | SetupStepBegan | MachineTold | SetupWritten
-)  # fmt: skip
-
-
 # Moments: events that carry plans and pixels.
 
 
-@dataclass(frozen=True)
-class PlanningStep:
+class PlanningStep(Moment):
     """The planner made iteration `iteration` of `of`.
 
     phase: "plan" or "replan".
@@ -408,8 +364,7 @@ class PlanningStep:
     parts: tuple[tuple[str, Strokes], ...] = ()
 
 
-@dataclass(frozen=True)
-class Planned:
+class Planned(Moment):
     """A plan for all unpainted strokes is ready.
 
     done: strokes painted so far.
@@ -431,8 +386,7 @@ class Planned:
         return 1 - self.loss_after / self.loss_before if self.loss_before > 0 else 0.0
 
 
-@dataclass(frozen=True)
-class Scheduled:
+class Scheduled(Moment):
     """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes.
 
     pace: seconds that people wait per second of drying: 1 at a real easel, 0 in a studio that need not wait.
@@ -443,22 +397,19 @@ class Scheduled:
     pace: float = 1.0
 
 
-@dataclass(frozen=True)
-class GroundWanted:
+class GroundWanted(Moment):
     """The canvas is bare; painting begins after a person has toned it in this colour, sRGB."""
 
     color: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class PaintsWanted:
+class PaintsWanted(Moment):
     """The paints of the next strokes are known; painting continues after a person has filled their wells."""
 
     palette: Palette
 
 
-@dataclass(frozen=True)
-class TimelapseFrame:
+class TimelapseFrame(Moment):
     """Rectified photograph for the film, [3, H, W]."""
 
     photograph: Tensor
@@ -467,8 +418,7 @@ class TimelapseFrame:
     color: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class Looked:
+class Looked(Moment):
     """The painter looked at the canvas after `done` strokes.
 
     photograph, expected [3, H, W]: rectified photograph, and the expected picture.
@@ -479,16 +429,14 @@ class Looked:
     done: int
 
 
-@dataclass(frozen=True)
-class CanvasAssumed:
+class CanvasAssumed(Moment):
     """Nobody looked: the painter goes on as if the canvas after `done` strokes were this picture, [3, H, W]."""
 
     canvas: Tensor
     done: int
 
 
-@dataclass(frozen=True)
-class Resumed:
+class Resumed(Moment):
     """A painting goes on with a plan of all its strokes; `done` of them are on the canvas.
 
     expected [3, H, W]: canvas after the plan, as far as it is known before the next look.
@@ -502,8 +450,7 @@ class Resumed:
 # Written events of a painting session: all are in the journal, some on the page.
 
 
-@dataclass(frozen=True)
-class PaintingBegun:
+class PaintingBegun(Written):
     """A painting began with these settings.
 
     rests_on: hashes, by name, of the other inputs of the painting.
@@ -517,8 +464,7 @@ class PaintingBegun:
     program: str = ""
 
 
-@dataclass(frozen=True)
-class SessionResumed:
+class SessionResumed(Written):
     """A person resumed the painting; `done` strokes are on the canvas.
 
     in_doubt: stroke that was begun but may not be painted, or None.
@@ -534,8 +480,7 @@ class SessionResumed:
     program: str = ""
 
 
-@dataclass(frozen=True)
-class PlanAdopted:
+class PlanAdopted(Written):
     """Painting follows the plan with this digest, which has all strokes, from stroke `done` + 1 on.
 
     It is reported again after a look that kept the plan, with the newer placement.
@@ -556,8 +501,7 @@ class PlanAdopted:
     answers: bool = False
 
 
-@dataclass(frozen=True)
-class MotionBegan:
+class MotionBegan(Written):
     """The robot will now get motions with these labels.
 
     stroke: number of the stroke that they paint, or None.
@@ -569,8 +513,7 @@ class MotionBegan:
     plan: str | None = None
 
 
-@dataclass(frozen=True)
-class Dipped:
+class Dipped(Written):
     """The brush took paint from well number `paint`, from 0.
 
     cleaned: True if the brush was rinsed and wiped before.
@@ -580,8 +523,7 @@ class Dipped:
     cleaned: bool = False
 
 
-@dataclass(frozen=True)
-class StrokePainted:
+class StrokePainted(Written):
     """Stroke number `done` (from 1) of `of` is on the canvas; `color` is its sRGB.
 
     `of` is 0 and the colour is black if they are unknown.
@@ -592,8 +534,7 @@ class StrokePainted:
     color: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class Drying:
+class Drying(Written):
     """A layer dries after `done` strokes; reported every minute until `left` is 0.
 
     seconds, left: whole and remaining drying time: in the journal by the robot's clock, for listeners as people wait.
@@ -604,8 +545,7 @@ class Drying:
     left: float
 
 
-@dataclass(frozen=True)
-class LayerBegun:
+class LayerBegun(Written):
     """Layer number `layer` (from 1) begins or goes on after `done` strokes; its brush and paints are ready.
 
     first_paint: palette number, from 0, of the paint in the first well.
@@ -617,15 +557,13 @@ class LayerBegun:
     first_paint: int = 0
 
 
-@dataclass(frozen=True)
-class BrushInHand:
+class BrushInHand(Written):
     """The robot holds this brush from now on: "" for none, None during a change."""
 
     brush: str | None
 
 
-@dataclass(frozen=True)
-class TouchCorrected:
+class TouchCorrected(Written):
     """After a look at stroke `done`, a brush is sent `lower` metres lower than its record; below 0: higher."""
 
     brush: str
@@ -644,8 +582,7 @@ class TouchCorrected:
         )
 
 
-@dataclass(frozen=True)
-class LastLookDoubted:
+class LastLookDoubted(Written):
     """All `done` strokes are painted, but the last photograph may not show them well; `reason` is a sentence."""
 
     reason: str
@@ -657,8 +594,7 @@ class LastLookDoubted:
         return f"All {self.done} strokes are painted, and the last photograph may not show them well: {self.reason}"
 
 
-@dataclass(frozen=True)
-class StrokeLeftOut:
+class StrokeLeftOut(Written):
     """A person who paints by hand left out stroke number `done` (from 1) of `of`.
 
     It counts, but is not on the canvas.
@@ -668,8 +604,7 @@ class StrokeLeftOut:
     of: int = 0
 
 
-@dataclass(frozen=True)
-class Photographed:
+class Photographed(Written):
     """A photograph for a decision was taken.
 
     photograph: its file; None if there was no room to keep it.
@@ -689,8 +624,7 @@ class Photographed:
 PauseCause = Literal["person", "button", "turn", "trouble"]
 
 
-@dataclass(frozen=True)
-class CanvasPicture:
+class CanvasPicture(Written):
     """Picture of the whole canvas after `done` strokes, without table, on an easel without a camera.
 
     picture: its file; None if there was no room to keep it.
@@ -704,8 +638,7 @@ class CanvasPicture:
     content: str | None = None
 
 
-@dataclass(frozen=True)
-class Paused:
+class Paused(Written):
     """The painting waits for a person; the arm is at home and the brush is clean. `reason` is a sentence.
 
     cause: "person" if a person asked for the pause, "button" if somebody pressed the machine's pause button, "turn" if
@@ -717,22 +650,19 @@ class Paused:
     cause: PauseCause = "trouble"
 
 
-@dataclass(frozen=True)
-class Stopped:
+class Stopped(Written):
     """A person stopped; `done` strokes are on the canvas, None if nothing was being painted."""
 
     done: int | None = None
 
 
-@dataclass(frozen=True)
-class Failed:
+class Failed(Written):
     """The work failed; `reason` is a sentence."""
 
     reason: str
 
 
-@dataclass(frozen=True)
-class Finished:
+class Finished(Written):
     """All `done` strokes are done.
 
     robot_seconds: seconds of the robot's clock in this run.
@@ -740,18 +670,6 @@ class Finished:
 
     done: int
     robot_seconds: float = 0.0
-
-
-Written = (
-    PaintingBegun | SessionResumed | PlanAdopted | MotionBegan | Dipped | Drying | LayerBegun | BrushInHand
-    | StrokePainted | StrokeLeftOut | Photographed | CanvasPicture | TouchCorrected | LastLookDoubted | Paused | Stopped
-    | Failed | Finished | RegionProtected | GoalChanged | RequestTaken | PersonStrokeBegan | PersonStrokePainted
-    | PageEvent
-)  # fmt: skip
-Moment = (
-    PlanningStep | Planned | Scheduled | GroundWanted | PaintsWanted | TimelapseFrame | Looked | CanvasAssumed | Resumed
-)
-Event = Moment | Written
 
 
 Notify = Callable[[Event], None]
@@ -763,7 +681,7 @@ def kind_of(event: type[Written]) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", event.__name__).lower()
 
 
-KINDS: Mapping[str, type[Written]] = {kind_of(each): each for each in get_args(Written)}
+KINDS: Mapping[str, type[Written]] = {kind_of(each): each for each in Written.__subclasses__()}
 _FORMER_KINDS = {"plan_wished": "plan_requested"}  # some feeds of 0.2
 
 
@@ -772,7 +690,7 @@ def record(event: Written) -> dict[str, Any]:
 
     Raises TypeError for a moment, which has no JSON form.
     """
-    if type(event) not in get_args(Written):
+    if not isinstance(event, Written):
         raise TypeError(f"{type(event).__name__} carries what is not written down; tell what was made of it.")
     at = datetime.now(UTC).isoformat(timespec="milliseconds")
     return {"kind": kind_of(type(event)), "at": at, **asdict(event)}

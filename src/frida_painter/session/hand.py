@@ -1,4 +1,4 @@
-"""Brushwork: performs the actions of a choreography on an easel and keeps track of the paint on the brush."""
+"""Hand: performs the actions of a choreography on an easel and keeps track of the paint on the brush."""
 
 import itertools
 from collections.abc import Sequence

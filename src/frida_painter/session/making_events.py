@@ -1,19 +1,18 @@
 """Events of the making of pictures from words: for the page, and in a painting for its journal."""
 
-from dataclasses import dataclass
 from typing import Any
 
+from frida_painter.session.event import Written
 
-@dataclass(frozen=True)
-class MakingStarted:
+
+class MakingStarted(Written):
     """A person asked for pictures of words; the maker of this label now makes them."""
 
     words: str
     maker: str
 
 
-@dataclass(frozen=True)
-class PicturesMade:
+class PicturesMade(Written):
     """A maker made pictures of words, to choose from.
 
     maker: label of the maker

@@ -1,8 +1,9 @@
 """Written events of a person at a painting: regions, changed goals and own strokes."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
+
+from frida_painter.session.event import Written
 
 PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
     ("place from the left", -1.0, 2.0), ("place from the top", -1.0, 2.0), ("press", 0.0, 1.0),
@@ -11,8 +12,7 @@ PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
 """Values of each point of a pen: name, least and greatest value; see together.turns.PenStroke."""
 
 
-@dataclass(frozen=True)
-class RegionProtected:
+class RegionProtected(Written):
     """A person drew a region: no stroke may touch it, or, with `only`, strokes may be only there.
 
     region: file of the drawing in the painting's folder. None: nothing is protected any more.
@@ -24,8 +24,7 @@ class RegionProtected:
     picture: str | None = None
 
 
-@dataclass(frozen=True)
-class GoalChanged:
+class GoalChanged(Written):
     """A person changed the goal.
 
     goal: folder of the goal in the painting's folder.
@@ -40,8 +39,7 @@ class GoalChanged:
     facts: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class RequestTaken:
+class RequestTaken(Written):
     """The painter does what a person asked for in a pause; if it breaks off meanwhile, a resumed painting does it.
 
     request: command of the page; empty if the last one is done, or was refused.
@@ -50,8 +48,7 @@ class RequestTaken:
     request: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class PersonStrokeBegan:
+class PersonStrokeBegan(Written):
     """A person's stroke will now be painted on the canvas of a simulated easel, after `done` strokes of the robot.
 
     number: from 1, over the whole painting.
@@ -65,16 +62,14 @@ class PersonStrokeBegan:
     color: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class PersonStrokePainted:
+class PersonStrokePainted(Written):
     """The person's stroke of this number is on the canvas, after `done` strokes of the robot."""
 
     number: int
     done: int
 
 
-@dataclass(frozen=True)
-class PersonPaintShown:
+class PersonPaintShown(Written):
     """A person painted with a real brush, as two photographs of a pause show.
 
     picture: the canvas with a line around it, for the page.

@@ -118,7 +118,7 @@ def _fault(folder: Path, name: str, history: History) -> str | None:
 def recall_brush(hand: Hand, history: History, answer: Callable[[Question], Answer] | None) -> None:
     """Restores the brush that a robot with a rack held when the painting broke off; if unknown, asks a person.
 
-    Call it before anything moves. Raises Interrupted if nobody answers, and the errors of Brushwork.require_rack.
+    Call it before anything moves. Raises Interrupted if nobody answers, and the errors of `Hand.require_rack`.
     """
     if hand.has_rack:
         hand.require_rack()

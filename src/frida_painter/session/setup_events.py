@@ -1,23 +1,21 @@
 """Events of the setup of a machine, for the page that shows it."""
 
-from dataclasses import dataclass
 from typing import Any
 
+from frida_painter.session.event import Written
 
-@dataclass(frozen=True)
-class SetupStarted:
+
+class SetupStarted(Written):
     """A person began the setup of a machine, or goes on with it."""
 
 
-@dataclass(frozen=True)
-class SetupLeft:
+class SetupLeft(Written):
     """A person left the setup of a machine; it can be continued."""
 
     sentence: str
 
 
-@dataclass(frozen=True)
-class SetupStands:
+class SetupStands(Written):
     """State of a machine's setup.
 
     title, robot: of the machine: for people, and for --robot
@@ -33,22 +31,19 @@ class SetupStands:
     table: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class SetupStepBegan:
+class SetupStepBegan(Written):
     """A step of a machine's setup has begun."""
 
     name: str
 
 
-@dataclass(frozen=True)
-class MachineTold:
+class MachineTold(Written):
     """The controller told its settings: "text" and "weight" of each fact ("fact", "warning" or "refusal")."""
 
     facts: list[dict[str, str]]
 
 
-@dataclass(frozen=True)
-class SetupWritten:
+class SetupWritten(Written):
     """Files of a finished setup, with the commands that use them.
 
     sheet: picture of both

@@ -84,29 +84,17 @@ class Job:
         Raises ConfigError and StorageError.
         """
         request = place.request()
-        return RunSpec.of(
-            title=request.title or "Untitled",
-            **request.goals(place.path),
-            together=request.together,
-            strokes=request.strokes,
-            colors=min(request.colors, request.strokes),
-            canvas=CanvasSize(request.width / 1000, request.height / 1000),
-            fit="crop",  # the page chose the canvas in the picture's proportions, or the person chose another one
-            brushes=request.brushes or None,
-            strokes_of=self._families(request.strokes_of),
-            replans=min(request.replans, request.strokes - 1) if self.easel.has_camera else 0,
-            ground=request.ground,
-            on_canvas=request.on_canvas,
-            paints=request.paints,
-            focus=request.focus,
-            freedom=request.freedom,
-            drying=request.drying,
-            minutes=request.minutes,
-            effort=request.effort,
-            seed=request.seed,
-            **self._easel_fields,
-            calibration=self.easel.known,
-        )
+        wanted = {name: value for name, value in request if name in RunSpec.model_fields}
+        wanted |= request.goals(place.path) | self._easel_fields
+        wanted["title"] = request.title or "Untitled"
+        wanted["colors"] = min(request.colors, request.strokes)
+        wanted["canvas"] = CanvasSize(request.width / 1000, request.height / 1000)
+        wanted["fit"] = "crop"  # the page chose the canvas in the picture's proportions, or the person another one
+        wanted["brushes"] = request.brushes or None
+        wanted["strokes_of"] = self._families(request.strokes_of)
+        wanted["replans"] = min(request.replans, request.strokes - 1) if self.easel.has_camera else 0
+        wanted["calibration"] = self.easel.known
+        return RunSpec.of(**wanted)
 
     def _families(self, asked: str) -> str | None:
         """Returns families in the form of RunSpec; those taught in this studio by their files."""
