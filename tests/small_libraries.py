@@ -1,21 +1,16 @@
-"""Picture libraries of a few pictures, packed as the real ones are: Debian packages, npm archives and a wheel.
+"""Picture libraries of a few pictures, packed as the real ones are: Debian packages and npm archives.
 
-Every picture is a disc of DISC on a plain or transparent ground, but for the silhouettes, which have one colour each.
+Every picture is a disc of DISC on a plain or transparent ground.
 """
 
 import io
-import json
 import tarfile
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from PIL import Image, ImageDraw
 
-from qt import resource
-
 DISC = "#d02030"
-SILHOUETTE = "#3d4248"  # in which silhouettes without a colour are shown
 
 
 @dataclass(frozen=True)
@@ -49,17 +44,8 @@ def debian(files: Mapping[str, bytes]) -> bytes:
     return packed
 
 
-def zip_of(files: Mapping[str, bytes]) -> bytes:
-    """A zip with these files."""
-    memory = io.BytesIO()
-    with zipfile.ZipFile(memory, "w") as packed:
-        for name, content in files.items():
-            packed.writestr(name, content)
-    return memory.getvalue()
-
-
 def disc(form: str) -> bytes:
-    """A picture of 128 pixels; form: PNG and WEBP are transparent around the disc, JPEG and GIF have a white ground."""
+    """A picture of 128 pixels; form: PNG and WEBP are transparent around the disc, JPEG has a white ground."""
     clear = form in ("PNG", "WEBP")
     picture = Image.new("RGBA" if clear else "RGB", (128, 128), (0, 0, 0, 0) if clear else "white")
     ImageDraw.Draw(picture).ellipse((16, 16, 112, 112), fill=DISC)
@@ -128,37 +114,6 @@ def _flashcards() -> SmallLibrary:
     return SmallLibrary("pysiogame_9.99_all.deb", packed, captions)
 
 
-def _costumes() -> SmallLibrary:
-    below = "usr/share/scratch/Media/Costumes/"
-    files = {"People/dan3.gif": disc("GIF"), "Animals/crab2.gif": disc("GIF"), "Fantasy/gobo1.gif": disc("GIF")}
-    packed = debian({below + name: content for name, content in files.items()})
-    captions = {"People/dan3.gif": ("dancing man",), "cartoon/Animals/crab2.gif": ("crab",)}
-    return SmallLibrary("scratch_9.99_all.deb", packed, captions)
-
-
-def _gcompris() -> SmallLibrary:
-    below = "usr/share/gcompris-qt/rcc/"
-    ibex = {"gcompris": {"src": {"activities": {"erase": {"resource": {"nubian_ibex.webp": disc("WEBP")}}}}}}
-    sofa = {"babymatch": {"resource": {"images": {"sofa.svg": drawing(), "star.svg": drawing()}}}}
-    packed = debian({f"{below}erase.rcc": resource(ibex), f"{below}babymatch.rcc": resource(sofa)})
-    captions = {"erase/nubian_ibex.webp": ("ibex",), "cartoon/babymatch/images/sofa.svg": ("sofa",)}
-    return SmallLibrary("gcompris-qt-data_9.99_all.deb", packed, captions)
-
-
-def _furniture() -> SmallLibrary:
-    models = zip_of({"scopia/acacia.png": disc("PNG"), "scopia/acacia.obj": b"v 0 0 0", "scopia/oak.jpg": b"texture"})
-    packed = debian({"usr/share/sweethome3d/furniture/Scopia.sh3f": models})
-    captions = {"cartoon/Scopia/scopia/acacia.png": ("acacia tree",)}
-    return SmallLibrary("sweethome3d-furniture_9.99_all.deb", packed, captions)
-
-
-def _silhouettes() -> SmallLibrary:
-    body = '<circle cx="256" cy="256" r="200" fill="currentColor"/>'
-    icons = {"icons": {name: {"body": body} for name in ("walrus-head", "card-ace-clubs")}}
-    packed = tar_of({"package/icons.json": json.dumps(icons).encode()}, "gz")
-    return SmallLibrary("game-icons-9.9.9.tgz", packed, {"walrus-head.svg": ("walrus",)})
-
-
 def _fluent() -> SmallLibrary:
     names = ("1f9a2", "1f474-1f3fb", "2602-fe0f")
     packed = tar_of({f"package/assets/{name}.webp": disc("WEBP") for name in names}, "gz")
@@ -171,9 +126,5 @@ MAKERS: dict[str, Callable[[], SmallLibrary]] = {
     "stamps": _stamps,
     "abcs": _abcs,
     "flashcards": _flashcards,
-    "costumes": _costumes,
-    "gcompris": _gcompris,
-    "furniture": _furniture,
-    "silhouettes": _silhouettes,
     "fluent": _fluent,
 }

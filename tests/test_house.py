@@ -120,7 +120,7 @@ DELETING = {
     "web/worker.py": 3,  # a stop file, and pictures with random names for the page
     "web/workers.py": 3,  # stop files
     "weights/cache.py": 5,  # downloads that are named by their hash, and their empty folder; the record
-    "weights/sources.py": 6,  # downloads that are named by their hash; folders named by storage.PART
+    "weights/sources.py": 3,  # downloads that are named by their hash; folders named by storage.PART
 }
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}
 

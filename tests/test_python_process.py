@@ -14,7 +14,6 @@ from PIL import Image
 
 import frida_painter
 from frida_painter import python_process
-from frida_painter.weights import hub_process
 from frida_painter.words import svg_process
 
 ROOT = Path(frida_painter.__file__).parent
@@ -68,16 +67,14 @@ CHILDREN = {
     "frida_painter.compiled": (("loops", "frame_kernels"), None, 0),
     "frida_painter.easel.host": (("SOCKET", "SOCKET", "virtual"), None, 0),
     "frida_painter.picture_file": (("a.png", "9999", "9", "3"), picture(), 0),
-    "frida_painter.picture_makers.pipeline_fetch": ((".",), None, 1),
     "frida_painter.picture_makers.pipeline_process": ((".",), None, 1),
-    "frida_painter.picture_makers.service_process": ((".",), None, 1),
     "frida_painter.web.decoder": ((), picture(), 0),
     "frida_painter.web.maker_reader": (("command:true", "diffusers:a/b"), None, 0),
     "frida_painter.web.stop_listener": (("nowhere", "-1", "-1", "-1", "{}"), None, 1),
     "frida_painter.web.worker_process": (("plan", "FOLDER", "1", "-1", "{}"), None, 1),
     "frida_painter.web.workspace_reader": (("nothing.toml",), None, 0),
+    "huggingface_hub.cli.hf": (("download", "a/b", "-q"), None, 1),
     "pip": (("download", "--no-index", "nothing-of-this-name"), None, 1),
-    hub_process.__file__: (("list", "answer", "a/b"), None, 1),
     svg_process.__file__: ((), b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"/>', 0),
 }
 

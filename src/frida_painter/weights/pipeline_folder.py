@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,8 +10,7 @@ from typing import Any
 
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError, WeightsError
-from frida_painter.weights.hub_folder import ask_hub, fetch_from_hub
-from frida_painter.weights.sources import Hub
+from frida_painter.weights.hub_folder import fetch_from_hub, tensor_names
 
 INDEX = "model_index.json"
 """List of a pipeline's parts."""
@@ -23,7 +22,6 @@ _PICKLES = (".bin", ".ckpt", ".pt", ".pth", ".pkl", ".pickle")
 _SETTINGS = (".json", ".txt", ".model", ".jinja")
 _HUB_NAME = re.compile(r"[A-Za-z0-9][\w.-]{0,95}/[A-Za-z0-9][\w.-]{0,95}")
 _EXAMPLE = "diffusers:stabilityai/sd-turbo"
-_MAX_HEADER, _MAX_WEIGHTS = 10**8, 500 * 10**9  # bytes
 _MAX_JSON = 100 * 10**6  # bytes; the tokenizers of large language models have some 20 MB
 
 
@@ -65,10 +63,11 @@ def find_pipeline(source: str, user: str) -> PipelineFolder | None:
     try:
         if folder.is_dir():
             return read_pipeline_folder(folder.resolve(), folder.resolve().name)
-        if folder.exists():
-            raise ConfigError(f"{source[:80]} is a file; name the folder of a pipeline, or a name on the hub.")
+        is_file = folder.exists()
     except OSError as cause:
         raise ConfigError(f"{source[:80]} cannot be read ({cause.strerror}); name a folder.") from cause
+    if is_file:
+        raise ConfigError(f"{source[:80]} is a file; name the folder of a pipeline, or a name on the hub.")
     if not _HUB_NAME.fullmatch(source):
         raise ConfigError(
             f"{source[:80]!r} is neither a folder that is here nor a name on the hub; write for example {_EXAMPLE}."
@@ -76,40 +75,43 @@ def find_pipeline(source: str, user: str) -> PipelineFolder | None:
     from huggingface_hub import try_to_load_from_cache
 
     index = try_to_load_from_cache(source, INDEX)
-    if not isinstance(index, str):
-        return None
     try:
-        return read_pipeline_folder(Path(index).parent, source)
+        return read_pipeline_folder(Path(index).parent, source) if isinstance(index, str) else None
     except HalfDownload:
         return None
 
 
 def fetch_pipeline(name: str, tell: Callable[[str], None], heed: Callable[[], None] = lambda: None) -> PipelineFolder:
-    """Fetches a pipeline from the hub into its cache: only settings and safetensors, and never code.
+    """Fetches a pipeline from the hub into its cache: only settings and safetensors of its parts, and never code.
 
     tell, heed: as in `fetch_from_hub`
     Raises WeightsError if the hub does not give it, and the errors of `read_pipeline_folder`.
     """
     try:
-        Hub(name, "main").require(INDEX)  # an unreachable hub costs seconds, not minutes of retries
-        index = Path(ask_hub("fetch", name, [INDEX])) / INDEX
-        _, parts = parse_index(json.loads(storage.read_bytes(index, "the list of a pipeline", 10**6)), name)
-        fetch_from_hub(name, lambda sizes: _choose_files(sizes, parts), tell, heed)
-    except (WeightsError, ValueError) as cause:
+        index = fetch_from_hub(name, _choose_index, heed=heed) / INDEX
+        _, parts = parse_index(read_settings(index, name), name)  # one that wants code is refused before its weights
+        folder = fetch_from_hub(name, lambda names: _choose_files(names, parts), tell, heed)
+        return read_pipeline_folder(folder, name)
+    except WeightsError as cause:
         why = str(cause).rstrip(".")
         raise WeightsError(
             f"{name} cannot be fetched from the hub ({why}); check the name and the network, or give a folder."
         ) from cause
-    return read_pipeline_folder(index.parent, name)
 
 
-def _choose_files(sizes: Mapping[str, int], parts: Mapping[str, str]) -> list[str]:
+def _choose_index(names: Collection[str]) -> list[str]:
+    if INDEX not in names:
+        raise WeightsError(f"it has no {INDEX}, so it is no pipeline of diffusers")
+    return [INDEX]
+
+
+def _choose_files(names: Collection[str], parts: Collection[str]) -> list[str]:
     """Returns the settings and weights of the parts; no programs and no pickles."""
-    wanted = []
+    wanted = [INDEX]
     for part in parts:
-        names = [file.removeprefix(f"{part}/") for file in sizes if file.startswith(f"{part}/")]
-        settings = [name for name in names if Path(name).suffix in _SETTINGS and "/" not in name]
-        wanted += [f"{part}/{name}" for name in (*settings, *choose_weights(names))]
+        files = [name.removeprefix(f"{part}/") for name in names if name.startswith(f"{part}/")]
+        settings = [name for name in files if Path(name).suffix in _SETTINGS and "/" not in name]
+        wanted += [f"{part}/{name}" for name in (*settings, *choose_weights(files))]
     return wanted
 
 
@@ -129,18 +131,13 @@ def read_pipeline_folder(folder: Path, name: str) -> PipelineFolder:
         raise _wants_code(name, f"it has the program {code.relative_to(folder)}")
     if any(folder.rglob("*.incomplete")):
         raise _half(name, "a file is marked as incomplete")
-    weights: list[Path] = []
-    variants: set[str] = set()
-    for part, kind in parts.items():
-        found, variant = _read_part(folder / part, kind, name)
-        weights += found
-        variants |= {variant} - {""}
+    weights = [file for part, kind in parts.items() for file in _read_part(folder / part, kind, name)]
     if not weights:
         raise ConfigError(f"{name} has no weights at all; name a pipeline with networks.")
+    variants = sorted({_variant(file.name) for file in weights} - {""})
     if len(variants) > 1:
-        raise ConfigError(f"{name} has its weights in the variants {', '.join(sorted(variants))}; give all in one.")
-    scheduler = parts.get("scheduler", "")
-    known_as = f"{name} {scheduler} {index.get('_name_or_path', '')}"
+        raise ConfigError(f"{name} has its weights in the variants {', '.join(variants)}; give all in one.")
+    known_as = f"{name} {parts.get('scheduler', '')} {index.get('_name_or_path', '')}"
     steps = FEW_STEPS if _FEW.search(known_as) else USUAL_STEPS
     return PipelineFolder(folder, name, pipeline, tuple(weights), next(iter(variants), None), steps)
 
@@ -159,40 +156,43 @@ def parse_index(index: Mapping[str, Any], name: str) -> tuple[str, dict[str, str
         words = [word for word in value if isinstance(word, str) and word.isidentifier()]
         if not part.isidentifier() or len(words) != 2 or len(value) != 2:
             raise _wants_code(name, f"its part {part[:40]!r} is {str(value)[:80]}")
-        library, kind = words
+        library, parts[part] = words
         if library not in _LIBRARIES and not _is_of_diffusers(library):
             raise _wants_code(name, f"its part {part!r} is of the library {library[:40]!r}")
-        parts[part] = kind
     return pipeline, parts
 
 
-def choose_weights(names: list[str]) -> list[str]:
+def choose_weights(names: Collection[str]) -> list[str]:
     """Returns the weights that are read among the names of a part's files: the plain ones, else one variant's."""
-    found = {name: match[1] or "" for name in sorted(names) if (match := _WEIGHTS.fullmatch(name))}
-    variants = sorted(set(found.values()))
+    found = [name for name in sorted(names) if _WEIGHTS.fullmatch(name)]
+    variants = sorted({_variant(name) for name in found})
     wanted = "fp16" if "fp16" in variants and "" not in variants else next(iter(variants), "")
-    return [name for name, variant in found.items() if variant == wanted]
+    return [name for name in found if _variant(name) == wanted]
+
+
+def _variant(file: str) -> str:
+    """Returns the variant of a file of weights, for example fp16; "" for the plain ones."""
+    match = _WEIGHTS.fullmatch(file)
+    return match[1] or "" if match else ""
 
 
 def _is_of_diffusers(library: str) -> bool:
     """Returns True for a room of diffusers' own pipelines, as the safety checker of Stable Diffusion has."""
     package = find_spec("diffusers")
-    return package is not None and package.origin is not None and (
-        Path(package.origin).parent / "pipelines" / library
-    ).is_dir()  # fmt: skip
+    return package is not None and (Path(str(package.origin)).parent / "pipelines" / library).is_dir()
 
 
-def _read_part(part: Path, kind: str, name: str) -> tuple[list[Path], str]:
-    """Returns the weights of a part and their variant; no weights for a part without a network."""
+def _read_part(part: Path, kind: str, name: str) -> list[Path]:
+    """Returns the weights of a part; none for a part without a network."""
     if not part.is_dir() or not any(part.iterdir()):
         raise _half(name, f"the folder {part.name} is missing or empty")
     for path in part.glob("*.json"):
         if "auto_map" in read_settings(path, name):
             raise _wants_code(name, f"{part.name}/{path.name} names code")
     if any(word in kind for word in ("Scheduler", "Tokenizer", "Processor", "FeatureExtractor")):
-        if not any(path.suffix in (".json", ".model", ".txt") and path.is_file() for path in part.iterdir()):
+        if not any(path.suffix in _SETTINGS and path.is_file() for path in part.iterdir()):
             raise _half(name, f"the settings of {part.name} are missing")
-        return [], ""
+        return []
     if not (part / "config.json").is_file():
         raise _half(name, f"{part.name}/config.json is missing")
     files = [part / file for file in choose_weights([path.name for path in part.iterdir()])]
@@ -203,28 +203,13 @@ def _read_part(part: Path, kind: str, name: str) -> tuple[list[Path], str]:
                 "one with safetensors."
             )
         raise _half(name, f"the weights of {part.name} are missing")
-    matches = [match for file in files if (match := _WEIGHTS.fullmatch(file.name))]
-    shards = {int(match[3]) for match in matches if match[3]}
-    if shards and (len(shards) > 1 or len(files) != max(shards)):
-        raise _half(name, f"{len(files)} of {max(shards)} files of {part.name} are here")
+    shards = {match[3] for file in files if (match := _WEIGHTS.fullmatch(file.name)) and match[3]}
+    if shards and [len(files)] != [int(count) for count in shards]:
+        raise _half(name, f"{len(files)} of {max(map(int, shards))} files of {part.name} are here")
     for file in files:
-        if not file.is_file() or not _is_whole(file):
+        if not tensor_names(file):  # their header says how long the file is
             raise _half(name, f"{part.name}/{file.name} is cut off")
-    return files, matches[0][1] or ""
-
-
-def _is_whole(file: Path) -> bool:
-    """Returns True if a safetensors file is as long as its header says."""
-    with storage.open_checked(file, "a network", _MAX_WEIGHTS, ConfigError) as opened:
-        length = int.from_bytes(opened.read(8), "little")
-        if not 2 <= length <= _MAX_HEADER:
-            return False
-        try:
-            header = json.loads(opened.read(length))
-            ends = [entry["data_offsets"][1] for tensor, entry in header.items() if tensor != "__metadata__"]
-            return 8 + length + max(ends, default=0) == file.stat().st_size
-        except (ValueError, KeyError, TypeError, IndexError, AttributeError, RecursionError):
-            return False
+    return files
 
 
 def read_settings(path: Path, name: str) -> Mapping[str, Any]:
@@ -232,8 +217,8 @@ def read_settings(path: Path, name: str) -> Mapping[str, Any]:
     try:
         found = json.loads(storage.read_bytes(path, "the settings of a pipeline", _MAX_JSON, ConfigError))
     except (ValueError, RecursionError) as cause:
-        where = path.name if path.name == INDEX else f"{path.parent.name}/{path.name}"
-        raise _half(name, f"{where} is cut off or not JSON") from cause
+        place = path.name if path.name == INDEX else f"{path.parent.name}/{path.name}"
+        raise _half(name, f"{place} is cut off or not JSON") from cause
     return found if isinstance(found, dict) else {}
 
 

@@ -129,7 +129,7 @@ def libraries_at_hand(cache: Path | None = None, own: Path | None = None) -> lis
     found += [make() for make in makers]
     found.append(PictureArchive(SHIPPED, "", Path(__file__).with_name(f"{SHIPPED}.zip")))
     for known in weights.all_weights():
-        folder = weights.find(known.name, cache) if any(file.name == FILE for file in known.kept) else None
+        folder = weights.find(known.name, cache) if known.pictures else None
         if folder is not None:
             found.append(PictureArchive(known.name, f"{known.credit}, {known.licence}", folder / FILE))
     return found
