@@ -72,7 +72,6 @@ def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("fresh_easel")
 def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Path) -> None:
     with EaselLaunch() as launch, EaselProcess(launch) as process:
         process.open(order_in(tmp_path)).robot.connect()

@@ -1,12 +1,13 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.timing import AxisTiming, Timing
 
+FEW = settings(max_examples=min(20, settings.default.max_examples))
 TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
 METRES = st.floats(-0.3, 0.3)
 
@@ -23,6 +24,7 @@ def off_the_line(places, path):
     return np.linalg.norm(places[:, None] - nearest, axis=-1).min(1)
 
 
+@FEW
 @given(polyline(5), st.floats(0.02, 0.3))
 def test_the_tip_stays_on_the_path_within_speed_and_ends_at_its_ends(path, speed):
     places = TIMING.places(path, np.full(len(path) - 1, speed))
@@ -89,6 +91,7 @@ def test_a_straight_way_takes_its_length_over_the_axis_rate_and_one_ramp():
     assert SLOW.limit_speeds(np.diff(diagonal, axis=0), np.array([0.1])) == pytest.approx([np.sqrt(2) * 0.5 / 60])
 
 
+@FEW
 @given(
     polyline(6).filter(lambda path: np.linalg.norm(np.diff(path, axis=0), axis=1).min() > 1e-3), st.floats(0.004, 0.3)
 )

@@ -19,8 +19,7 @@ import pytest
 
 from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
 from frida_painter.hardware.drivers.franka_kinematics import FrankaReach
-from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
-from frida_painter.hardware.drivers.rosbridge import RosbridgeConnection
+from frida_painter.hardware.drivers.rosbridge import RosbridgeConnection, RosRobot, RosSettings
 from frida_painter.hardware.drivers.so101 import So101Kinematics, So101Robot, So101Settings
 from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.robot import MotionReport, Waypoints

@@ -240,7 +240,7 @@ def simulated_time(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A clock for the drivers that speak over serial lines: they wait in simulated time from now on."""
     clock = SimulatedTime()
     monkeypatch.setattr("serial.Serial", clock.port())
-    for driver in ("gcode", "grbl", "marlin", "serial_line", "ebb", "axidraw"):
+    for driver in ("gcode", "grbl", "marlin", "firmware", "driver", "serial_line", "ebb", "axidraw"):
         monkeypatch.setattr(f"frida_painter.hardware.drivers.{driver}.time", clock)
     yield clock
     clock.end()

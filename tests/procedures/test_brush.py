@@ -13,7 +13,7 @@ from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 
 CANVAS = CanvasSize(0.20, 0.16)
-CAMERA = CameraSpec(photograph=(360, 480))
+CAMERA = CameraSpec(photograph=(270, 360))
 
 
 def studio_with(name="broad", seed=0, faults=None, **settings):
@@ -38,20 +38,20 @@ def found(name="broad", seed=0, faults=None, **settings):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["fine", "medium", "broad"])
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
+@pytest.mark.parametrize(("name", "seed"), [("fine", 0), ("medium", 1), ("broad", 2)])
 def test_by_looking_the_lightest_touch_is_found_to_a_third_of_a_millimetre(name, seed):
     """Measured with 8 seeds and photographs of 600 x 800: 0.05 to 0.12 mm too low for each of the brushes."""
     finding, touch_off, press_off = found(name, seed)
     assert abs(touch_off) < 0.0003
     assert abs(press_off) < 1e-6  # the studio's workspace ends a margin below what its brush stands
     assert finding.ended == "where the workspace ends"
+    assert finding.picture.shape == (3, 640, 1500)
+    assert f"{1000 * finding.touch_height:.2f} mm" in finding.sentence
+    assert f"{len(finding.trials)} trial strokes" in finding.sentence
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("rise", "name"), [(0.004, "medium"), (-0.001, "broad"), pytest.param(0.012, "fine", marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("rise", "name"), [(0.004, "medium"), (-0.001, "broad")])
 def test_it_is_found_where_the_canvas_lies_and_not_where_the_workspace_says(rise, name):
     finding, touch_off, press_off = found(name, seed=3, rise=rise)
     assert abs(touch_off) < 0.0003
@@ -63,9 +63,12 @@ def test_it_is_found_where_the_canvas_lies_and_not_where_the_workspace_says(rise
 
 
 @pytest.mark.slow
-def test_what_the_owner_knows_of_the_brush_is_heeded():
-    studio = studio_with()
+def test_what_the_owner_knows_of_the_brush_is_heeded_and_nothing_leaves_the_workspace():
+    studio, lowest = studio_with(), []
+    follow = studio.robot.follow
+    studio.robot.follow = lambda waypoints: (lowest.append(waypoints.position[:, 2].min()), follow(waypoints))[1]
     finding = lead(brush(studio.easel, name="number 12", deepest=0.003), proposal)
+    assert studio.easel.workspace.lower[2] + ABOVE_FLOOR - 1e-9 <= min(lowest) < studio.touch_height
     assert finding.touch_height - finding.press_height == pytest.approx(0.003)
     assert finding.ended == "as far as the brush may be pressed"
     deepest = min(trial.height for trial in finding.trials)
@@ -79,52 +82,29 @@ def test_what_the_owner_knows_of_the_brush_is_heeded():
     assert record.protrusion == 0
 
 
-@pytest.mark.slow
-def test_nothing_leaves_the_workspace_and_looking_keeps_off_its_floor():
-    studio = studio_with("fine")
-    lowest = []
-    follow = studio.robot.follow
-    studio.robot.follow = lambda waypoints: (lowest.append(waypoints.position[:, 2].min()), follow(waypoints))[1]
-    lead(brush(studio.easel), proposal)
-    assert min(lowest) >= studio.easel.workspace.lower[2] + ABOVE_FLOOR - 1e-9
-    assert np.array(lowest).min() < studio.touch_height
-
-
-@pytest.mark.slow
-def test_the_picture_and_the_sentence_tell_what_was_found():
-    finding = found("fine")[0]
-    assert finding.picture.shape == (3, 640, 1500)
-    assert f"{1000 * finding.touch_height:.2f} mm" in finding.sentence
-    assert f"{len(finding.trials)} trial strokes" in finding.sentence
-
-
 LAMPS = tuple(LightChange(number, 3 * ((0.6, 0.9, 0.75)[number % 3],)) for number in range(90))
 
 
 @pytest.mark.slow
-def test_flickering_light_does_not_matter():
-    assert abs(found("fine", faults=Faults(light_changes=LAMPS))[1]) < 0.0003
+def test_flickering_light_and_strokes_that_miss_the_paper_are_survived():
+    assert abs(found("fine", faults=Faults(light_changes=LAMPS, dropped_touches=frozenset({0, 3, 9})))[1]) < 0.0005
 
 
 @pytest.mark.slow
-def test_strokes_that_miss_the_paper_are_survived():
-    assert abs(found(faults=Faults(dropped_touches=frozenset({0, 3, 9})))[1]) < 0.0005
-
-
-@pytest.mark.parametrize("blur", [pytest.param(blur, marks=pytest.mark.slow) for blur in (0.006, 0.03)])
-def test_out_of_focus_the_touch_is_right_or_refused(blur):
+def test_out_of_focus_the_touch_is_right_or_refused():
     try:
-        off = found(faults=Faults(lost_focus=(LostFocus(12, blur=blur),)))[1]
+        off = found(faults=Faults(lost_focus=(LostFocus(12, blur=0.03),)))[1]
     except CalibrationError as refusal:
         assert "repeat the brush calibration" in str(refusal)
     else:
         assert abs(off) < 0.0006
 
 
-@pytest.mark.parametrize("first", [0, *(pytest.param(first, marks=pytest.mark.slow) for first in (14, 26))])
+@pytest.mark.parametrize("first", [0, pytest.param(14, marks=pytest.mark.slow)])
 def test_without_paint_nothing_is_made_up(first):
     try:
-        _, touch_off, press_off = found(faults=Faults(dry_dips=frozenset(range(first, 200))))
+        camera = CameraSpec(photograph=(360, 480))  # fewer pixels see less of a mark that fades
+        _, touch_off, press_off = found(faults=Faults(dry_dips=frozenset(range(first, 200))), camera=camera)
     except CalibrationError as refusal:
         assert "paint" in str(refusal)
     else:
@@ -188,25 +168,6 @@ def test_the_brush_comes_to_its_place_from_above():
     assert np.abs(first[:, :2] - first[0, :2]).max() < 1e-9
 
 
-@pytest.mark.slow
-def test_a_person_may_correct_what_was_found_by_looking():
-    studio = studio_with("fine")
-    asked = []
-
-    def person(question):
-        asked.append(question)
-        if isinstance(question, Jog) and len([one for one in asked if isinstance(one, Jog)]) == 1:
-            return JogMove(0.0005)
-        return OK if isinstance(question, Jog) else question.proposal
-
-    finding = lead(brush(studio.easel), person)
-    jogs = [question for question in asked if isinstance(question, Jog)]
-    assert jogs[0].proposal == OK and jogs[0].picture is not None
-    assert finding.touch_height == pytest.approx(jogs[0].height + 0.0005)
-    assert finding.exactness == 0.0005
-    assert finding.ended == "as set by hand"
-
-
 @pytest.mark.parametrize(
     ("moves", "says"),
     [((OK, OK), "not below the lightest touch"), ((JogMove(float("nan")),), "no move"), ((True,), "no move")],
@@ -243,9 +204,9 @@ def test_a_canvas_at_hover_height_is_refused():
 
 
 @pytest.mark.slow
-def test_a_person_is_asked_for_paper_where_nobody_else_lays_it():
+def test_a_person_is_asked_for_paper_where_nobody_else_lays_it_and_may_correct_what_was_found():
     studio = studio_with("fine")
-    operator, asked = studio.easel.operator, []
+    operator, asked, jogs = studio.easel.operator, [], []
 
     class Helper:
         fill_wells = operator.fill_wells
@@ -254,14 +215,21 @@ def test_a_person_is_asked_for_paper_where_nobody_else_lays_it():
             return False
 
     def person(question):
-        asked.append(question)
-        if isinstance(question, Confirm) and question.text.startswith("Lay"):
+        asked.append(question.text)
+        if question.text.startswith("Lay"):
             operator.lay_paper()
+        if isinstance(question, Jog):
+            jogs.append(question)
+            return JogMove(0.0005) if len(jogs) == 1 else OK
         return question.proposal
 
     finding = lead(brush(replace(studio.easel, operator=Helper())), person)
-    assert abs(finding.touch_height - studio.touch_height) < 0.0003
-    assert sum(question.text.startswith("Lay") for question in asked if isinstance(question, Confirm)) >= 2
+    assert sum(text.startswith("Lay") for text in asked) >= 2
+    assert abs(jogs[0].height - studio.touch_height) < 0.0003
+    assert jogs[0].proposal == OK and jogs[0].picture is not None
+    assert finding.touch_height == pytest.approx(jogs[0].height + 0.0005)
+    assert finding.exactness == 0.0005
+    assert finding.ended == "as set by hand"
     with pytest.raises(CalibrationError, match="Without paper"):
         lead(
             brush(replace(studio.easel, operator=Helper())),

@@ -40,9 +40,8 @@ def found(**studio):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (2, 3))])
-def test_on_the_usual_studio_patches_never_seen_come_out_right(seed):
-    finding = found(seed=seed, camera=CameraSpec())
+def test_on_the_usual_studio_patches_never_seen_come_out_right():
+    finding = found(seed=0, camera=CameraSpec())
     assert finding.photographed.shape == finding.held_out.shape == (24,)
     assert 3.5 < float(finding.photographed.mean()) < 5
     assert float(finding.fit.before.mean()) > 1.0
@@ -116,21 +115,21 @@ def test_the_painter_sees_the_canvas_as_it_is():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turn", [math.pi, math.pi - 0.5, math.pi / 2, -1.0])
-def test_a_checker_that_lies_upside_down_or_askew_is_read_all_the_same(turn):
+def test_a_checker_that_lies_upside_down_or_askew_is_read_all_the_same():
     studio = studio_with()
     straight = lead(color(studio.easel), proposal)
-    studio.lay_checker((0.15, 0.1), turn, 0.12)
-    turned = lead(color(studio.easel), proposal)
-    assert float(turned.held_out.mean()) < 0.8
-    assert np.abs(np.array(turned.affine) - np.array(straight.affine)).max() < 0.03
+    for turn in (math.pi, math.pi / 2, -1.0):
+        studio.lay_checker((0.15, 0.1), turn, 0.12)
+        turned = lead(color(studio.easel), proposal)
+        assert float(turned.held_out.mean()) < 0.8
+        assert np.abs(np.array(turned.affine) - np.array(straight.affine)).max() < 0.03
 
 
 @pytest.mark.slow
 def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
     studio = studio_with()
     wanted = lead(color(studio.easel), proposal)
-    for change in (lambda c: c[2:] + c[:2], lambda c: c[::-1], lambda c: (c[3], c[2], c[0], c[1])):
+    for change in (lambda c: c[2:] + c[:2], lambda c: (c[3], c[2], c[0], c[1])):
 
         def person(question, change=change):
             return change(question.proposal) if isinstance(question, PointCorners) else question.proposal
@@ -142,7 +141,7 @@ def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
-    [LightChange(1, (0.6, 0.6, 0.6)), LightChange(1, (0.8, 0.6, 0.4)), LightChange(1, (0.7, 0.7, 0.7), (-0.3, 0.1))],
+    [LightChange(1, (0.8, 0.6, 0.4)), LightChange(1, (0.7, 0.7, 0.7), (-0.3, 0.1))],
 )
 def test_another_light_than_on_the_bare_canvas_is_noticed_and_taken_out(change):
     before, after = found(), found(faults=Faults(light_changes=(change,)))
@@ -153,8 +152,7 @@ def test_another_light_than_on_the_bare_canvas_is_noticed_and_taken_out(change):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("blur", [0.004, 0.006, 0.008, 0.02])
-@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize(("blur", "first"), [(0.004, 0), (0.006, 1), (0.008, 0), (0.02, 1)])
 def test_out_of_focus_the_map_is_right_or_refused(blur, first):
     faults = Faults(lost_focus=(LostFocus(first, blur=blur),))
     if blur <= 0.004:

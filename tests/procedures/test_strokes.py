@@ -1,7 +1,3 @@
-import os
-import signal
-import subprocess
-import sys
 import time
 from dataclasses import replace
 
@@ -16,6 +12,7 @@ from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, F
 from frida_painter.hardware.faults import Bump, Faults, LightChange, LostFocus
 from frida_painter.procedures.paper import Shapes
 from frida_painter.procedures.strokes import StrokesFinding, strokes, unfinished_folder
+from killing import ForkedProcess
 from papers import KIND, PLACES, dark_bar, paper_studio, proposed, spoiled
 
 COUNT = 7
@@ -83,30 +80,24 @@ def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():
     progress = []
     shift = 0.003
     easel = paper_studio(Faults(bumps=(Bump(2, (shift, 0.0)),))).easel
-    finding = paint(easel, notify=progress.append)
-    assert finding.library.flaws.tolist() == [0, Flaw.MOVED, 0, 0, 0, 0, 0]
-    assert [step.sheet for step in progress] == [1, 1, 2, 2, 2, 2, 3]
+    finding = paint(easel, notify=progress.append, count=4)
+    assert finding.library.flaws.tolist() == [0, Flaw.MOVED, 0, 0]
+    assert [step.sheet for step in progress] == [1, 1, 2, 2]
     assert "1 is left out (1 paper moved)" in finding.sentence
 
 
 @pytest.mark.slow
 def test_strokes_without_paint_are_found():
-    finding = paint(paper_studio(Faults(dropped_touches=frozenset({1, 4}))).easel)
-    assert np.flatnonzero(finding.library.flaws == Flaw.EMPTY).tolist() == [1, 4]
+    finding = paint(paper_studio(Faults(dropped_touches=frozenset({1, 3}))).easel, count=4)
+    assert np.flatnonzero(finding.library.flaws == Flaw.EMPTY).tolist() == [1, 3]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "change",
-    [
-        LightChange(2, (0.95, 0.9, 0.7)),
-        LightChange(2, (0.8, 0.8, 0.8), lean=(0.15, -0.1)),
-    ],
-)
-def test_another_light_is_taken_out(change, undisturbed):
-    finding = paint(paper_studio(Faults(light_changes=(change,))).easel)
+def test_another_light_is_taken_out(undisturbed):
+    change = LightChange(2, (0.85, 0.8, 0.65), lean=(0.15, -0.1))
+    finding = paint(paper_studio(Faults(light_changes=(change,))).easel, count=3)
     assert not finding.library.flaws.any()
-    apart = finding.library.magnitude.astype(float) - undisturbed[0].library.magnitude
+    apart = finding.library.magnitude.astype(float) - undisturbed[0].library.magnitude[:3]
     assert np.abs(apart).mean() / 255 < 0.004
 
 
@@ -128,13 +119,12 @@ def test_a_photograph_out_of_focus_is_taken_again(undisturbed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", [0, 3])
-def test_a_camera_that_stays_out_of_focus_is_refused_and_the_strokes_are_kept(first, tmp_path):
+def test_a_camera_that_stays_out_of_focus_is_refused_and_the_strokes_are_kept(tmp_path):
     out = tmp_path / "library.npz"
     with pytest.raises(FrameRejected, match=r"out of focus.*mm"):
-        paint(paper_studio(Faults(lost_focus=(LostFocus(first),))).easel, out)
-    assert len(list(unfinished_folder(out).glob("stroke-*"))) == max(0, first - 1)
-    assert len(paint(paper_studio().easel, out).library) == COUNT
+        paint(paper_studio(Faults(lost_focus=(LostFocus(3),))).easel, out, count=4)
+    assert len(list(unfinished_folder(out).glob("stroke-*"))) == 2
+    assert len(paint(paper_studio().easel, out, count=4).library) == 4
 
 
 def test_something_dark_in_the_picture_is_waited_for_once(undisturbed):
@@ -175,8 +165,8 @@ def test_without_any_paint_it_stops_soon_and_forgets_the_empty_strokes(tmp_path)
 def test_mostly_dirty_strokes_are_kept_and_refused(tmp_path):
     out = tmp_path / "library.npz"
     with pytest.raises(CalibrationError, match="Most strokes are dirty"):
-        paint(paper_studio(Faults(dropped_touches=frozenset({0, 1, 2, 4, 5}))).easel, out)
-    assert (StrokeLibrary.load(out).flaws > 0).sum() >= 4
+        paint(paper_studio(Faults(dropped_touches=frozenset({0, 1, 3}))).easel, out, count=4)
+    assert (StrokeLibrary.load(out).flaws > 0).sum() >= 3
 
 
 class Operator:
@@ -202,7 +192,7 @@ def test_a_person_is_asked_for_every_paper_and_told_why():
         studio.easel.operator.lay_paper()
         return True
 
-    paint(replace(studio.easel, operator=Operator(studio)), count=3, answer=answer)
+    paint(replace(studio.easel, operator=Operator(studio)), count=2, answer=answer)
     assert all(isinstance(question, Confirm) and "fresh white paper" in question.text for question in asked)
     assert len(asked) == 2 and "moved by 3" in asked[1].text
 
@@ -237,13 +227,15 @@ def test_the_brush_is_refilled_as_often_as_was_asked():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dead", [3, 5])
-def test_after_a_robot_died_the_rest_is_painted_on_fresh_paper(dead, tmp_path, undisturbed):
+def test_after_a_robot_died_the_rest_is_painted_on_fresh_paper(tmp_path, undisturbed):
     out = tmp_path / "library.npz"
     with pytest.raises(RobotError, match="does not answer"):
-        paint(paper_studio(Faults(dead_from_motion=dead)).easel, out)
-    kept = {path.name: path.read_bytes() for path in unfinished_folder(out).glob("stroke-*")}
-    assert not out.exists()
+        paint(paper_studio(Faults(dead_from_motion=11)).easel, out)
+    with pytest.raises(ConfigError, match="count 7 and not 9"):  # another recording is not mixed in
+        paint(paper_studio().easel, out, count=9)
+    *kept, damaged = sorted(unfinished_folder(out).glob("stroke-*"))
+    damaged.write_bytes(damaged.read_bytes()[:50])  # a stroke that is damaged on the disk is painted again
+    assert kept and not out.exists()
     told = []
     again = paint(paper_studio().easel, out, notify=told.append).library
     assert len(told) == COUNT - len(kept)
@@ -259,78 +251,46 @@ class Crash(Exception):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("stage", "call"), [("lay_paper", 1), ("fill_wells", 0), ("capture", 0), ("capture", 2), ("follow", 1), ("home", 3)]
-)
-def test_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(stage, call, tmp_path, monkeypatch):
-    """Fault F26: a crash in the middle of a calibration."""
-    out = tmp_path / "library.npz"
-    studio = paper_studio()
-    part = {"capture": studio.camera, "follow": studio.robot, "home": studio.robot}.get(stage, studio.easel.operator)
-    really, calls = getattr(part, stage), []
+def test_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(tmp_path, monkeypatch):
+    """Fault F26: a crash in the middle of a calibration, again and again."""
+    out, count, told = tmp_path / "library.npz", 9, []
+    stages = [("lay_paper", 1), ("fill_wells", 0), ("capture", 0), ("capture", 2), ("follow", 1), ("home", 3)]
+    for stage, call in stages:
+        studio = paper_studio()
+        part = {"capture": studio.camera, "follow": studio.robot, "home": studio.robot}.get(
+            stage, studio.easel.operator
+        )
+        really, calls = getattr(part, stage), []
 
-    def crashing(*args):
-        calls.append(args)
-        if len(calls) > call:
-            raise Crash
-        return really(*args)
+        def crashing(*args, really=really, calls=calls, call=call):
+            calls.append(args)
+            if len(calls) > call:
+                raise Crash
+            return really(*args)
 
-    monkeypatch.setattr(part, stage, crashing)
-    told = []
-    count = 5
-    with pytest.raises(Crash):
-        paint(studio.easel, out, count=count, notify=told.append)
-    monkeypatch.undo()
-    assert len(list(unfinished_folder(out).glob("stroke-*"))) == len(told)
+        with monkeypatch.context() as patch, pytest.raises(Crash):
+            patch.setattr(part, stage, crashing)
+            paint(studio.easel, out, count=count, notify=told.append)
+        assert len(list(unfinished_folder(out).glob("stroke-*"))) == len(told), stage
+    assert len(told) < count
     assert len(paint(paper_studio().easel, out, count=count).library) == count
-
-
-@pytest.mark.slow
-def test_a_stroke_that_was_damaged_on_the_disk_is_painted_again(tmp_path):
-    out = tmp_path / "library.npz"
-    with pytest.raises(RobotError):
-        paint(paper_studio(Faults(dead_from_motion=8)).easel, out)
-    first = min(unfinished_folder(out).glob("stroke-*"))
-    first.write_bytes(first.read_bytes()[:50])
-    library = paint(paper_studio().easel, out).library
-    assert len(library) == COUNT and library.magnitude[0].max() > 200
-
-
-def test_another_recording_is_not_mixed_in(tmp_path):
-    out = tmp_path / "library.npz"
-    with pytest.raises(RobotError):
-        paint(paper_studio(Faults(dead_from_motion=8)).easel, out)
-    with pytest.raises(ConfigError, match="count 7 and not 9"):
-        paint(paper_studio().easel, out, count=9)
-
-
-SCRIPT = """
-import sys
-from pathlib import Path
-sys.path.insert(0, sys.argv[2])
-from frida_painter.easel.dialogue import lead
-from frida_painter.procedures.strokes import strokes
-from papers import KIND, paper_studio, proposed
-lead(strokes(paper_studio().easel, KIND, Path(sys.argv[1]), count=16, seed=4), proposed)
-"""
 
 
 @pytest.mark.slow
 def test_a_killed_process_leaves_whole_strokes(tmp_path):
     """Fault F26: a crash in the middle of a calibration."""
     out = tmp_path / "library.npz"
-    tests = str(next(path for path in sys.path if path.endswith("tests")))
-    process = subprocess.Popen([sys.executable, "-c", SCRIPT, str(out), tests])
+    process = ForkedProcess(lambda: paint(paper_studio().easel, out))
     until = time.monotonic() + 60
-    while len(list(unfinished_folder(out).glob("stroke-*"))) < 3 and time.monotonic() < until:
-        time.sleep(0.02)
-    os.kill(process.pid, signal.SIGKILL)
+    while len(list(unfinished_folder(out).glob("stroke-*"))) < 2 and time.monotonic() < until:
+        time.sleep(0.005)
+    process.kill()
     process.wait()
     kept = len(list(unfinished_folder(out).glob("stroke-*")))
-    assert 3 <= kept < 16 and not out.exists()
+    assert 2 <= kept < COUNT and not out.exists()
     told = []
-    finding = paint(paper_studio().easel, out, count=16, notify=told.append)
-    assert len(finding.library) == 16 and len(told) == 16 - kept
+    finding = paint(paper_studio().easel, out, notify=told.append)
+    assert len(finding.library) == COUNT and len(told) == COUNT - kept
     assert [path.name for path in tmp_path.iterdir()] == ["library.npz"]
 
 

@@ -1,5 +1,6 @@
 """Examination and connection of a machine before anything moves; a lost zero is found again."""
 
+import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -186,6 +187,12 @@ def _is_at_other_corner(easel: Easel) -> Procedure[bool]:
     return (yield Confirm("Is the tip above the top-right corner now?")) is True
 
 
+def split_jog(step: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Returns a way [3] in metres as equal jogs that are short enough; none for no way."""
+    count = math.ceil(float(np.linalg.norm(step)) / _MAX_STEP - 1e-9)
+    return [step / count] * count if count > 0 else []
+
+
 def _jog_to(robot: ZeroedRobot, where: str) -> Procedure[None]:
     """Moves the tip by a person's keys: first up, then along x and y, then down."""
     tasks = (
@@ -203,16 +210,12 @@ def _jog_to(robot: ZeroedRobot, where: str) -> Procedure[None]:
                 raise _refusal(Zero("the jog was not understood"), "type millimetres, u, d or ok")
             if move.settled:
                 break
-            left = move.step
-            while abs(left) > 1e-9:
-                step = np.zeros(3)
-                step[axis] = np.clip(left, -_MAX_STEP, _MAX_STEP)
-                try:
-                    robot.jog(step)
-                except WorkspaceViolation as beyond:  # nothing moved
-                    refused = f"Not moved: {beyond}"
-                    break
-                left, gone = left - step[axis], gone + step[axis]
+            try:
+                for part in split_jog(move.step * np.eye(3)[axis]):
+                    robot.jog(part)
+                    gone += float(part[axis])
+            except WorkspaceViolation as beyond:  # this part did not move
+                refused = f"Not moved: {beyond}"
 
 
 def _place(tip: NDArray[np.float64], easel: Easel) -> str:

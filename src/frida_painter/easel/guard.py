@@ -47,7 +47,7 @@ from frida_painter.hardware.robot import (
     Zero,
     ZeroedRobot,
 )
-from frida_painter.hardware.timing import AxisTiming
+from frida_painter.hardware.timing import AxisTiming, motion_seconds
 from frida_painter.hardware.travel import TravelLimits
 
 T = TypeVar("T")
@@ -354,9 +354,7 @@ class GuardedRobot:
     def _seconds(self, path: NDArray[np.float64], speed: float, start: NDArray[np.float64] | None) -> float:
         """Returns the duration of a way from `start` through `path` at the speeds that the robot can do."""
         whole = path if start is None else np.concatenate([start[None], path])
-        if self._timing is None:
-            return float(np.linalg.norm(np.diff(whole, axis=0), axis=1).sum()) / speed
-        return self._timing.seconds(whole, np.full(len(whole) - 1, speed)) + self._timing.between
+        return motion_seconds(self._timing, whole, speed)
 
     def _move(self, label: str, act: Callable[[], MotionReport], seconds: float) -> MotionReport:
         report = self._act(label, act, seconds * self._patience + self._grace, self._require_sense)

@@ -16,8 +16,39 @@ from frida_painter.sheet import CREAM, INK, Grid, Sheet, to_bytes
 _SWATCH = 150  # pixels
 
 
-class PersonAsOperator:
-    """Operator that asks a person. Implements hardware.easel.Operator.
+class AbsentOperator:
+    """Operator of a process without a dialogue; the painting process asks the person.
+
+    Implements hardware.easel.Operator.
+    """
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Does nothing: the painting process asks the person."""
+
+    def change_brush(self, brush: str) -> None:
+        """Does nothing: the painting process asks the person."""
+
+    def tone(self, ground: tuple[float, float, float]) -> None:
+        """Does nothing: the painting process asks the person."""
+
+    def let_dry(self, seconds: float) -> None:
+        """Does nothing: real paint dries without help."""
+
+    def lay_paper(self) -> bool:
+        """Returns False: a person must be asked."""
+        return False
+
+    def lay_checker(self) -> bool:
+        """Returns False: a person must be asked."""
+        return False
+
+    def take_checker_away(self) -> bool:
+        """Returns False: a person must be asked."""
+        return False
+
+
+class PersonAsOperator(AbsentOperator):
+    """Operator that asks a person; about paper and checker, procedures ask the person themselves.
 
     answer: shows a question to the person and returns the answer
     """
@@ -49,9 +80,6 @@ class PersonAsOperator:
                 f"The {brush} brush was not there, and nothing was painted with another; resume when it is."
             )
 
-    def let_dry(self, seconds: float) -> None:
-        """Does nothing: real paint dries without help."""
-
     def _changing_to(self, brush: str) -> str:
         return (
             f"The next strokes are painted with the {brush} brush: put it, clean, into the robot's holder, as deep as "
@@ -60,49 +88,6 @@ class PersonAsOperator:
 
     def _asking_for(self, paints: str) -> str:
         return f"Mix these paints and fill the wells, the first with paint 1: {paints}. Are all of them filled?"
-
-    def lay_paper(self) -> bool:
-        """Returns False: procedures ask the person themselves."""
-        return False
-
-    def lay_checker(self) -> bool:
-        """Returns False: procedures ask the person themselves."""
-        return False
-
-    def take_checker_away(self) -> bool:
-        """Returns False: procedures ask the person themselves."""
-        return False
-
-
-class AbsentOperator:
-    """Operator of a process without a dialogue; the painting process asks the person.
-
-    Implements hardware.easel.Operator.
-    """
-
-    def fill_wells(self, palette: Palette) -> None:
-        """Does nothing: the painting process asks the person."""
-
-    def change_brush(self, brush: str) -> None:
-        """Does nothing: the painting process asks the person."""
-
-    def tone(self, ground: tuple[float, float, float]) -> None:
-        """Does nothing: the painting process asks the person."""
-
-    def let_dry(self, seconds: float) -> None:
-        """Does nothing: real paint dries without help."""
-
-    def lay_paper(self) -> bool:
-        """Returns False: a person must be asked."""
-        return False
-
-    def lay_checker(self) -> bool:
-        """Returns False: a person must be asked."""
-        return False
-
-    def take_checker_away(self) -> bool:
-        """Returns False: a person must be asked."""
-        return False
 
 
 def brush_in_hand(brushes: Sequence[str], answer: Callable[[Question], Answer] | None) -> str:

@@ -25,7 +25,7 @@ from frida_painter.errors import FridaError, RobotAbandoned, RobotDisconnected
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.latch import Latch, Unlatched, latch_of
 from frida_painter.hardware.robot import Waypoints, Workspace
-from frida_painter.hardware.timing import AxisTiming
+from frida_painter.hardware.timing import AxisTiming, motion_seconds
 
 # For a process that hangs as a whole; the guard in the easel's process gives up a driver earlier.
 _MARGIN = 10.0
@@ -250,14 +250,8 @@ class RemoteRobot(Remote):
                 path, speed = self._across, arguments["speed"]
             case _:
                 return None
-        seconds = self._seconds(path, speed) if speed > 0 else 0.0
+        seconds = motion_seconds(self._timing, path, speed) if speed > 0 else 0.0
         return seconds * self._patience + self._grace + self._held + _MARGIN
-
-    def _seconds(self, path: NDArray[np.float64], speed: float) -> float:
-        """Returns the duration of a way, at most, from any place of the workspace."""
-        if self._timing is None:
-            return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / speed
-        return self._timing.seconds(path, np.full(len(path) - 1, speed)) + self._timing.between
 
 
 # The virtual studio replays a diary of many thousand strokes before the easel is ready.

@@ -12,7 +12,8 @@ Both use the deadlines and errors of hardware/deadline.py.
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
 
 import numpy as np
@@ -62,6 +63,14 @@ class Interlock:
         """Blocks all motions from now on because of `error`, and returns `error` to be raised."""
         self._fault = self._fault or str(error)
         return error
+
+    @contextmanager
+    def blocking(self) -> Iterator[None]:
+        """Within it, an error blocks all motions from now on."""
+        try:
+            yield
+        except FridaError as error:
+            raise self.fault(error) from None
 
     def require_ready(self, label: str) -> None:
         """Raises RobotStopped after a stop, RobotError after a fault or if the robot is not connected."""

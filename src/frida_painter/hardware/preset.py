@@ -4,14 +4,13 @@ The project brings presets in the folder `presets`. A person adds a preset as a 
 or names a file. A preset is data: no code of it is run.
 """
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 from platformdirs import user_config_path
-from pydantic import Field, ValidationError
+from pydantic import Field, PrivateAttr, ValidationError
 
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
@@ -69,7 +68,18 @@ class Probing(Section):
     touch: Literal["jog", "probe", "force"] = "jog"
 
 
-class _File(Section):
+class Preset(Section):
+    """Preset of a kind of machine.
+
+    title: what people call the machine
+    robot: registered name of the robot or of the whole easel
+    connection: serial port, address on the network, or none
+    options: of the robot's name, such as baud; a relative path in `own` counts from the folder of the preset's file
+    before: what a person does before the machine is connected, a sentence each
+    usb: ids ("vendor:product", hexadecimal) of the boards or serial chips that such machines have
+    area: box that the tip reaches, metres; None for a person's hand, as are motion and probe
+    """
+
     title: Words
     robot: Words
     connection: Literal["serial", "network", "none"]
@@ -80,33 +90,12 @@ class _File(Section):
     lift: LiftSection
     motion: Speeds | None = None
     probe: Probing | None = None
+    _name: str = PrivateAttr("")
 
-
-@dataclass(frozen=True)
-class Preset:
-    """Preset of a kind of machine.
-
-    name: of its file, without the ending
-    title: what people call the machine
-    robot: registered name of the robot or of the whole easel
-    connection: serial port, address on the network, or none
-    options: of the robot's name, such as baud; a relative path in `own` counts from the folder of the preset's file
-    before: what a person does before the machine is connected, a sentence each
-    usb: ids ("vendor:product", hexadecimal) of the boards or serial chips that such machines have
-    area: box that the tip reaches, metres; None for a person's hand, as are motion and probe
-    """
-
-    name: str
-    title: str
-    robot: str
-    connection: Literal["serial", "network", "none"]
-    options: Mapping[str, str]
-    before: tuple[str, ...]
-    usb: tuple[str, ...]
-    lift: LiftSection
-    area: Bounds | None
-    motion: Speeds | None
-    probe: Probing | None
+    @property
+    def name(self) -> str:
+        """Name of its file, without the ending."""
+        return self._name
 
     @property
     def is_machine(self) -> bool:
@@ -153,17 +142,14 @@ class Preset:
     def of(cls, values: dict[str, Any], name: str) -> Self:
         """Returns the preset with these entries. Raises ConfigError as `load` does."""
         try:
-            read = _File.model_validate(values)
+            read = cls.model_validate(values)
         except ValidationError as error:
             faults = [*map(_sentence, error.errors())]
         else:
             faults = [*_contradictions(read)]
             if not faults:
-                options = {option: str(value) for option, value in read.options.items()}
-                return cls(
-                    name, read.title, read.robot, read.connection, options, read.before, read.usb, read.lift, read.area,
-                    read.motion, read.probe,
-                )  # fmt: skip
+                read._name = name
+                return read
         raise ConfigError(f"{storage.abridge(name)} is no preset of a machine: {'; '.join(faults)}. Correct the file.")
 
 
@@ -174,8 +160,8 @@ def _sentence(fault: Any) -> str:
         case "missing":
             return f"{where} is missing"
         case "extra_forbidden":
-            section = _File.model_fields.get(str(fault["loc"][0])) if len(fault["loc"]) > 1 else None
-            known = ", ".join(_known(section.annotation if section else _File))
+            section = Preset.model_fields.get(str(fault["loc"][0])) if len(fault["loc"]) > 1 else None
+            known = ", ".join(_known(section.annotation if section else Preset))
             return f"{where} is not known; there are {known}"
         case _:
             said = repr(fault["input"])
@@ -193,7 +179,7 @@ def _known(annotation: Any) -> list[str]:
     return []
 
 
-def _contradictions(read: _File) -> Iterator[str]:
+def _contradictions(read: Preset) -> Iterator[str]:
     """Yields a sentence for each contradiction between entries that are each in range."""
     yield from _strangers(read)
     lift, area = read.lift, read.area
@@ -242,7 +228,7 @@ def _contradictions(read: _File) -> Iterator[str]:
         )
 
 
-def _zero(read: _File, area: Bounds) -> Iterator[str]:
+def _zero(read: Preset, area: Bounds) -> Iterator[str]:
     """Yields a sentence if the corner of the zero is missing, unwanted or outside the area."""
     if read.probe is None:
         return
@@ -257,7 +243,7 @@ def _is_within(low: float, value: float, high: float) -> bool:
     return low <= value <= high
 
 
-def _strangers(read: _File) -> Iterator[str]:
+def _strangers(read: Preset) -> Iterator[str]:
     """Yields a sentence for each section that does not fit the lift, and for each option that cannot be written."""
     parts = {"area": read.area, "motion": read.motion, "probe": read.probe}
     missing = [f"[{name}]" for name, part in parts.items() if part is None]

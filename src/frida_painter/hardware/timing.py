@@ -301,3 +301,13 @@ class AxisTiming:
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     return vector / np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1e-12)
+
+
+def motion_seconds(timing: AxisTiming | None, path: NDArray[np.float64], speed: float) -> float:
+    """Returns the duration of a motion through a path [k, 3] (m) at `speed` m/s, with the time between two motions.
+
+    timing: limits of the machine; None if they are not known, then it always moves at full speed
+    """
+    if timing is None:
+        return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / speed
+    return timing.seconds(path, np.full(len(path) - 1, speed)) + timing.between

@@ -16,7 +16,7 @@ from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure,
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.procedures.paper import EaselAccess, Trial, TrialPaper, ceiling
+from frida_painter.procedures.paper import WHITE, EaselAccess, Trial, TrialPaper, ask_for_paper, ceiling
 from frida_painter.sheet import CREAM, INK, LINE, SOFT, Grid, Sheet
 
 # Picture of a brush calibration: trial strokes from the lightest to the hardest, with their widths.
@@ -111,7 +111,6 @@ def _ticks(most: float) -> list[float]:
     return [step * number for number in range(int(most / step) + 1)]
 
 
-WHITE = (1.0, 1.0, 1.0)
 LONGEST_BRUSH = 0.5
 """Greatest protrusion of a brush, metres."""
 ABOVE_FLOOR = 0.002
@@ -267,10 +266,11 @@ class _Trials:
     def at(self, height: float) -> Generator[Question, Answer, Trial]:
         """Paints a trial stroke; asks a person for paper if the operator cannot lay it."""
         if self._paper is None or self._paper.is_full:
-            if not self._access.easel.operator.lay_paper():
-                ready = yield Confirm("Lay a bare sheet of paper on the canvas's place. Does it lie there?")
-                if ready is not True:
-                    raise CalibrationError("Without paper no mark can be seen; repeat the brush calibration.")
+            yield from ask_for_paper(
+                self._access.easel,
+                "Lay a bare sheet of paper on the canvas's place. Does it lie there?",
+                "Without paper no mark can be seen; repeat the brush calibration.",
+            )
             self._paper = TrialPaper(self._access, self._cell, self._ground)
         trial = self._paper.stroke(height)
         self.done.append(trial)

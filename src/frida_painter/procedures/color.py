@@ -31,7 +31,7 @@ from frida_painter.perception.color import (
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectified_pixels, rectify
 from frida_painter.perception.srgb import to_linear, to_srgb
-from frida_painter.procedures.paper import EaselAccess
+from frida_painter.procedures.paper import WHITE, EaselAccess
 from frida_painter.sheet import CREAM, INK, SOFT, Grid, Sheet, to_bytes
 
 # Picture of a colour calibration: the checker in the photograph, and each patch as seen, mapped and true.
@@ -93,7 +93,6 @@ def _patch(seen: tuple[int, ...], mapped: tuple[int, ...], true: tuple[int, ...]
 
 WORST_MEAN = 3.0
 """Greatest mean CIEDE2000 of held-out patches; a map with more is refused."""
-WHITE = (1.0, 1.0, 1.0)
 _MAX_BLOWN_OUT = 0.05
 _MAX_UNEVEN = 0.12
 _DIMMEST_WHITE = 0.08

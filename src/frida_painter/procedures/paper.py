@@ -19,6 +19,7 @@ from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import Flaw
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.dialogue import Confirm, Procedure
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.frames import MapFrame, PixelGrid
 from frida_painter.hardware.easel import Easel
@@ -67,11 +68,36 @@ class EaselAccess:
         return self._gateway.pose()
 
 
+def ask_for_paper(easel: Easel, question: str, refusal: str) -> Procedure[None]:
+    """Returns when bare paper lies on the easel: the operator lays it, or a person who is asked.
+
+    Raises CalibrationError with the sentence `refusal` if the person declines.
+    """
+    if not easel.operator.lay_paper() and (yield Confirm(question)) is not True:
+        raise CalibrationError(refusal)
+
+
+def fill_with_black(easel: Easel) -> None:
+    """Has the first well filled with black."""
+    easel.operator.fill_wells(Palette(torch.full((1, 3), BLACK)))
+
+
+def window(grid: PixelGrid, middle: tuple[float, float], wide: float, high: float) -> tuple[slice, slice]:
+    """Returns rows and columns of a rectangle around a place; all in canvas metres."""
+    column, row = grid.to_pixels(torch.tensor(middle)).tolist()
+    across, down = grid.pitch
+    return (
+        slice(max(0, round(row - high / 2 / down)), round(row + high / 2 / down) + 1),
+        slice(max(0, round(column - wide / 2 / across)), round(column + wide / 2 / across) + 1),
+    )
+
+
 # Trial strokes: short strokes at given heights, each on a free place of the paper, and the widths of their marks.
 
 LENGTH = 0.012
 """Length of a trial stroke, metres."""
-_BLACK = 0.04
+BLACK = 0.04
+WHITE = (1.0, 1.0, 1.0)
 _PITCH = 0.0005
 _STEP = 0.001
 _EDGE = 0.004
@@ -109,7 +135,7 @@ class TrialPaper:
 
     def __init__(self, access: EaselAccess, cell: tuple[float, float], ground: tuple[float, float, float]) -> None:
         easel = access.easel
-        easel.operator.fill_wells(Palette(torch.full((1, 3), _BLACK)))
+        fill_with_black(easel)
         self._access, self._easel, self._cell = access, easel, cell
         pitch = max(_PITCH, _metres_per_pixel(easel.calibration, easel.canvas.width))
         self._grid = PixelGrid.of_height(easel.canvas, max(8, round(easel.canvas.height / pitch)))
@@ -142,7 +168,7 @@ class TrialPaper:
         dip, trial = Motion(easel.workspace, easel.calibration).dip(0), at_height(easel, path, height)
         self._access.perform([dip, trial])
         after = self._in_true_colors(rectify(self._access.photograph().image, easel.calibration, self._grid))
-        cell = self._pixels(x, y)
+        cell = window(self._grid, self._here, *self._cell)
         width = self._width(self._seen[:, *cell], after[:, *cell])
         self._seen = after
         if width > 0:
@@ -172,16 +198,6 @@ class TrialPaper:
             for column in range(across):
                 yield _EDGE + (column + 0.5) * width / across, _EDGE + height * (1 - (row + 0.5) / down)
 
-    def _pixels(self, x: float, y: float) -> tuple[slice, slice]:
-        """Returns rows and columns of the cell around a place."""
-        column, row = self._grid.to_pixels(torch.tensor([x, y])).tolist()
-        across, down = self._grid.pitch
-        half_down, half_across = self._cell[1] / 2 / down, self._cell[0] / 2 / across
-        return (
-            slice(max(0, round(row - half_down)), round(row + half_down) + 1),
-            slice(max(0, round(column - half_across)), round(column + half_across) + 1),
-        )
-
 
 def at_height(easel: Easel, path: NDArray[np.float64], height: float) -> Waypoints:
     """Returns the motion along a path on the canvas [k, 2] (m) at robot z `height`, from above and up again."""
@@ -204,8 +220,6 @@ def _metres_per_pixel(record: Calibration, width: float) -> float:
     return width / float(np.linalg.norm(top_right - top_left))
 
 
-BLACK = 0.04
-WHITE = (1.0, 1.0, 1.0)
 _FINER = 3  # pixels of a crop per cell of the stroke model, along each side
 _NOISE_FLOOR = 0.04
 _BORDER = 0.002  # m along the paper's edge; a lens may show some of the table there

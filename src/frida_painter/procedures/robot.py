@@ -12,16 +12,15 @@ from torch import Tensor
 
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.dialogue import Confirm, Procedure
+from frida_painter.easel.dialogue import Procedure
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.palette import Palette
 from frida_painter.perception.landmarks import Match, find_dots, match_dots
 from frida_painter.perception.rectify import Fit, apply, fit_homography, rectify
-from frida_painter.procedures.paper import EaselAccess
+from frida_painter.procedures.paper import EaselAccess, ask_for_paper, fill_with_black
 from frida_painter.sheet import CREAM, INK, Sheet
 
 # Picture of a robot calibration: dots as meant, as seen, and the remaining errors.
@@ -112,7 +111,6 @@ WORST_RESIDUAL = 0.0015
 """Greatest residual of a fit, metres, root mean square."""
 FEWEST_DOTS = 10
 """Number of the sixteen dots that must be found."""
-_BLACK = 0.04
 _EDGE = 0.12  # share of each side of the canvas between its edge and the outermost dots
 _IRREGULAR = 0.1  # share of the distance between dots by which they are moved off the regular grid
 # Chosen so that at most 5 dots coincide if all are mirrored or turned, or their axes exchanged.
@@ -187,15 +185,13 @@ def robot(easel: Easel) -> Procedure[RobotFinding]:
     Raises CalibrationError if too few dots are found, they are mirrored or turned, or the residual exceeds 1.5 mm.
     Raises WorkspaceViolation before anything moves; RobotError, CameraError and their subclasses.
     """
-    fresh = easel.operator.lay_paper()
-    easel.operator.fill_wells(Palette(torch.full((1, 3), _BLACK)))
-    if not fresh:
-        ready = yield Confirm(
-            f"The robot will paint {SIDE * SIDE} small black dots all over the canvas. Does a bare canvas lie on the "
-            "easel, as it lay before, and is black paint in the first well?"
-        )
-        if ready is not True:
-            raise CalibrationError("The robot was not calibrated; repeat it when canvas and paint are there.")
+    yield from ask_for_paper(
+        easel,
+        f"The robot will paint {SIDE * SIDE} small black dots all over the canvas. Does a bare canvas lie on the "
+        "easel, as it lay before, and is black paint in the first well?",
+        "The robot was not calibrated; repeat it when canvas and paint are there.",
+    )
+    fill_with_black(easel)
     grid = _grid(easel.canvas)
     meant = dot_places(easel.canvas)
     access = EaselAccess(easel)

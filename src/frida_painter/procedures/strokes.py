@@ -20,12 +20,11 @@ from frida_painter.brush import MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import Flaw, StrokeLibrary, clean, estimate_dip, judge, judge_marks
 from frida_painter.calibration import Calibration, LearnedFile
-from frida_painter.easel.dialogue import Confirm, Procedure
+from frida_painter.easel.dialogue import Procedure
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, LibraryError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
-from frida_painter.palette import Palette
-from frida_painter.procedures.paper import BLACK, Crop, EaselAccess, Paper, Print, Shapes
+from frida_painter.procedures.paper import Crop, EaselAccess, Paper, Print, Shapes, ask_for_paper, fill_with_black
 from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font
 from frida_painter.teaching.bezier import BezierStroke, RibbonShape, fit_bezier
 
@@ -341,7 +340,7 @@ def strokes(
     running: list[int] = []  # the latest strokes, if they are dirty
     for number in recording.missing:
         if paper is None:
-            easel.operator.fill_wells(Palette(torch.full((1, 3), BLACK)))
+            fill_with_black(easel)
         if paper is None or paper.is_used_up:
             paper = yield from _fresh_paper(access, kind, paper, len(recording.prints))
             sheets, on_brush = sheets + 1, 0
@@ -389,16 +388,13 @@ def _fresh_paper(access: EaselAccess, kind: BrushKind, last: Paper | None, kept:
     moved = last.moved * 1000 if last is not None else 0.0
     why = f"The paper moved by {moved:.1f} mm, so it is given up. " if moved else ""
     for attempt in range(_TRIES):
-        if not easel.operator.lay_paper():
-            text = (
-                f"{why}Put a fresh white paper of {easel.canvas} on the easel, just where the canvas was calibrated, "
-                "and black paint into the first well. Is it there?"
-            )
-            if not (yield Confirm(text)):
-                raise CalibrationError(
-                    f"No fresh paper was put on the easel; {kept} strokes are kept, and strokes goes on from there "
-                    "when it is repeated."
-                )
+        yield from ask_for_paper(
+            easel,
+            f"{why}Put a fresh white paper of {easel.canvas} on the easel, just where the canvas was calibrated, and "
+            "black paint into the first well. Is it there?",
+            f"No fresh paper was put on the easel; {kept} strokes are kept, and strokes goes on from there when it is "
+            "repeated.",
+        )
         try:
             return Paper(access, kind)
         except (CalibrationError, FrameRejected) as trouble:

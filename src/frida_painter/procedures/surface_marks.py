@@ -18,15 +18,14 @@ from torch import Tensor
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.calibration import Corners, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.dialogue import Confirm, Procedure
+from frida_painter.easel.dialogue import Procedure
 from frida_painter.errors import CalibrationError, ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
-from frida_painter.palette import Palette
 from frida_painter.perception.rectify import rectify
 from frida_painter.perception.snapshot import read_snapshot
-from frida_painter.procedures.paper import LENGTH, EaselAccess, at_height
+from frida_painter.procedures.paper import LENGTH, EaselAccess, ask_for_paper, at_height, fill_with_black, window
 from frida_painter.procedures.surface import POINTS, SurfaceFinding, require_room
 
 SHARES = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
@@ -43,7 +42,7 @@ _KNOTS = np.array((0.0, 0.25, 0.5, 0.75, 1.0, 1.5))  # of the curve, in shares
 _THINNEST = 0.0003  # metres; a narrower mark counts as none
 _FEWEST = 2  # marks that must be seen at a point
 _MAX_RESIDUAL = 0.12  # of the widths, as a share of the widest mark
-_BLACK, _INK = 0.04, 0.1  # of the paint, and of the marks that are expected
+_INK = 0.1  # of the marks that are expected
 
 
 @dataclass(frozen=True)
@@ -97,15 +96,13 @@ def paint_marks(easel: Easel, brush: BrushKind, *, points: int = POINTS) -> Proc
     Raises CalibrationError if the person declines, WorkspaceViolation before anything moves, RobotError.
     """
     grid = MarkGrid.plan(easel.canvas, brush, points)
-    laid = easel.operator.lay_paper() or (
-        yield Confirm(
-            "Lay a bare sheet of thin paper over the whole canvas, and fasten it. Is black paint in well 1? (A pen "
-            "needs none.) Short marks follow, at each point from light to hard."
-        )
+    yield from ask_for_paper(
+        easel,
+        "Lay a bare sheet of thin paper over the whole canvas, and fasten it. Is black paint in well 1? (A pen "
+        "needs none.) Short marks follow, at each point from light to hard.",
+        "Without paper no mark can be seen; repeat the surface calibration.",
     )
-    if laid is not True:
-        raise CalibrationError("Without paper no mark can be seen; repeat the surface calibration.")
-    easel.operator.fill_wells(Palette(torch.full((1, 3), _BLACK)))
+    fill_with_black(easel)
     access = EaselAccess(easel, lowest=easel.workspace.lower[2])
     known, motion = easel.calibration, Motion(easel.workspace, easel.calibration)
     along = np.arange(-grid.length / 2, grid.length / 2 + _STEP / 2, _STEP)
@@ -142,7 +139,7 @@ def read_marks(
         for place, share in zip(grid.marks(point), SHARES, strict=True):
             if share > 0:
                 width = brush.width * (0.25 + 0.75 * share)
-                rows, columns = _window(pixels, place, grid.length, width)
+                rows, columns = window(pixels, place, grid.length, width)
                 expected[:, rows, columns] = _INK
     return read_snapshot(photograph, corners, easel.canvas, bare, expected).canvas
 
@@ -183,12 +180,12 @@ def measure_widths(picture: Tensor, grid: MarkGrid) -> NDArray[np.float64]:
     down = pixels.pitch[1]
     found = np.zeros((len(grid.up) * len(grid.across), len(SHARES)))
     for number, point in enumerate(grid.points()):
-        block = _window(pixels, (float(point[0]), float(point[1])), grid.length, grid.apart * len(SHARES))
+        block = window(pixels, (float(point[0]), float(point[1])), grid.length, grid.apart * len(SHARES))
         paper = max(float(np.quantile(light[block], 0.9)), 1e-3)
         for depth, place in enumerate(grid.marks(point)):
-            window = light[_window(pixels, place, _MIDDLE * grid.length, grid.apart)]
+            seen = light[window(pixels, place, _MIDDLE * grid.length, grid.apart)]
             # A pixel at an edge of the mark counts by its share of darkness, so that thin marks are measured, too.
-            dark = 1 - window / paper
+            dark = 1 - seen / paper
             ink = max(float(np.quantile(dark, 0.99)), 1e-3)
             wide = np.clip(dark / ink, 0, 1).sum(0) * down if ink >= _DARKENED else np.zeros(1)
             mean = float(np.median(wide))
@@ -234,13 +231,3 @@ def _require_seen(width: NDArray[np.float64], grid: MarkGrid, span: float) -> No
 
 def _pixels(canvas: CanvasSize) -> PixelGrid:
     return PixelGrid.of_height(canvas, max(64, round(canvas.height / _PITCH)))
-
-
-def _window(pixels: PixelGrid, middle: tuple[float, float], wide: float, high: float) -> tuple[slice, slice]:
-    """Returns rows and columns of a rectangle around a place in canvas metres."""
-    column, row = pixels.to_pixels(torch.tensor(middle)).tolist()
-    across, down = pixels.pitch
-    return (
-        slice(max(0, round(row - high / 2 / down)), round(row + high / 2 / down) + 1),
-        slice(max(0, round(column - wide / 2 / across)), round(column + wide / 2 / across) + 1),
-    )

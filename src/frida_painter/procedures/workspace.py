@@ -4,7 +4,6 @@ Each step is a dialogue of its own, which takes a layout and returns a better on
 Every motion is checked against the layout before it is sent, and the guard of the easel's process checks it again.
 """
 
-import math
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 
@@ -14,7 +13,7 @@ import torch
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.calibration import SurfaceMap
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.connecting import find_zero
+from frida_painter.easel.connecting import find_zero, split_jog
 from frida_painter.easel.dialogue import (
     Answer,
     Choose,
@@ -41,7 +40,7 @@ MAX_WELLS = 12
 _NEAR = 0.008  # metres above the canvas at which the search for the touch begins
 _JOGGING = 0.02  # m/s
 _DEEPEST = 0.05
-_JOG, _ROOM = 0.02, 2.0  # metres: of one jog, and of a person's jogging along one axis in all
+_ROOM = 2.0  # metres of a person's jogging along one axis in all
 _MARGIN = 0.012  # metres between a test stroke and the edge of the canvas
 
 
@@ -117,9 +116,8 @@ def settle_zero(bench: Bench, corner: Point | None, *, marked: bool) -> SetupSte
         if not isinstance(answer, GuideMove):
             raise TypeError(f"A guide is answered with a GuideMove, not {answer!r}.")
         again, stands, left = True, answer.settled, np.array(answer.step)
-        parts = max(1, math.ceil(float(np.linalg.norm(left)) / _JOG))
-        for _ in range(parts if left.any() else 0):
-            robot.jog(left / parts)
+        for part in split_jog(left):
+            robot.jog(part)
         gone += left
     robot.set_zero(np.array(corner))
 

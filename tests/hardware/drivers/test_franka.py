@@ -18,14 +18,13 @@ pytest.importorskip("franky_sim")
 import franky
 
 from frida_painter.easel.guard import GuardedRobot
-from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.drivers import franka, interlock
 from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
 from frida_painter.hardware.drivers.franka_kinematics import FrankaReach, resume_path
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
 from machines.franky_arm import BRUSH, HEIGHT, TABLE_AT, FrankyArm, tip_positions
-from machines.paths import NOT_PATHS
 
 pytestmark = pytest.mark.slow
 
@@ -141,14 +140,6 @@ def test_home_goes_up_first(arm: FrankyArm, robot: FrankaRobot) -> None:
     assert robot.home().reached == pytest.approx(HOME, abs=5e-4)
     tips = painted(arm, since)
     assert np.abs(tips[tips[:, 2] < 0.28][:, :2] - (0.5, 0.1)).max() < 2e-3
-
-
-@pytest.mark.parametrize("position", NOT_PATHS, ids=lambda position: str(position.shape))
-def test_no_path_moves_nothing(arm: FrankyArm, robot: FrankaRobot, position: np.ndarray) -> None:
-    moves = arm.moves()
-    with pytest.raises(MotionFailed, match="did not move"):
-        robot.follow(Waypoints("stroke 1", position, 0.1))
-    assert arm.moves() == moves
 
 
 @pytest.mark.parametrize(
@@ -466,12 +457,3 @@ def test_without_the_package_a_sentence_says_what_to_install(monkeypatch: pytest
     monkeypatch.setitem(sys.modules, "franky", None)
     with pytest.raises(RobotError, match='extra "franka"'):
         FrankaRobot(FrankaSettings("127.0.0.1", HOME)).connect()
-
-
-@pytest.mark.parametrize(
-    "values", [{"approach": 0.0}, {"brush_length": -1.0}, {"turn": float("nan")}, {"acceleration": 0.0},
-               {"force": 500.0}, {"touch_force": 0.0}],
-)  # fmt: skip
-def test_settings_that_cannot_be_are_refused(values: dict[str, float]) -> None:
-    with pytest.raises(ConfigError, match="A Franka was given"):
-        FrankaSettings("127.0.0.1", HOME, **values)

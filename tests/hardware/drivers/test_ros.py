@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers import ros
-from frida_painter.hardware.drivers.ros import RosRobot, RosSettings
-from frida_painter.hardware.robot import Waypoints
-from machines.paths import NOT_PATHS, a_stroke
+from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.hardware.drivers import rosbridge
+from frida_painter.hardware.drivers.rosbridge import RosRobot, RosSettings
+from machines.paths import a_stroke
 from machines.ros_arm import RosArm
 
 HOME = (0.25, -0.1, 0.3)
@@ -127,9 +126,9 @@ def test_whatever_the_arm_does_becomes_a_typed_error_and_it_is_told_to_stop(
     robot.connect()
     arm.misbehave = fault
     with monkeypatch.context() as patch, pytest.raises(error, match=says):
-        patch.setattr(ros, "PATIENCE", 0.3)
-        patch.setattr(ros, "_SILENCE", 0.3)
-        patch.setattr(ros, "motion_timeout", lambda path, speed: 0.4)
+        patch.setattr(rosbridge, "PATIENCE", 0.3)
+        patch.setattr(rosbridge, "_SILENCE", 0.3)
+        patch.setattr(rosbridge, "motion_timeout", lambda path, speed: 0.4)
         robot.follow(a_stroke())
     assert arm.heard[-1] == "/brush/stop"
     arm.misbehave, arm.stopped = "", False
@@ -157,8 +156,8 @@ def _settled(arm: Any) -> tuple[int, int]:
 def test_an_arm_that_is_slower_than_asked_but_moves_is_alive(
     robot: RosRobot, arm: RosArm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ros, "motion_timeout", lambda path, speed: 0.05)
-    monkeypatch.setattr(ros, "PATIENCE", 0.5)
+    monkeypatch.setattr(rosbridge, "motion_timeout", lambda path, speed: 0.05)
+    monkeypatch.setattr(rosbridge, "PATIENCE", 0.5)
     robot.connect()
     arm.misbehave = "slow"
     assert robot.follow(a_stroke()).reached == pytest.approx(a_stroke().position[-1], abs=1e-9)
@@ -168,7 +167,7 @@ def test_an_arm_that_is_slower_than_asked_but_moves_is_alive(
 def test_m22_an_arm_stops_by_itself_soon_after_the_last_sign_of_life(
     robot: RosRobot, arm: RosArm, air: Air, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ros, "_BEAT", 0.05)
+    monkeypatch.setattr(rosbridge, "_BEAT", 0.05)
     arm.pace, arm.watchdog = 0.05, 1.0
     robot.connect()
 
@@ -202,7 +201,7 @@ def test_a_connection_that_fails_halfway_leaves_nothing_open_and_can_be_repeated
 
 
 def test_ros_without_an_arm_is_told(air: Air, arm: RosArm, robot: RosRobot, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ros, "PATIENCE", 0.2)
+    monkeypatch.setattr(rosbridge, "PATIENCE", 0.2)
     air.deaf = True
     with pytest.raises(RobotDisconnected, match="no arm in it listens to /brush/follow and /brush/stop"):
         robot.connect()
@@ -237,18 +236,3 @@ def test_stop_goes_over_its_own_wire_or_over_the_other(robot: RosRobot, arm: Ros
     assert arm.at[-1] - stopped < 0.1
     with pytest.raises(RobotStopped):
         robot.home()
-
-
-@pytest.mark.parametrize("position", NOT_PATHS, ids=lambda position: str(position.shape))
-def test_what_is_no_path_is_refused_before_anything_is_sent(robot: RosRobot, arm: RosArm, position: np.ndarray) -> None:
-    robot.connect()
-    with pytest.raises(MotionFailed, match="did not move"):
-        robot.follow(Waypoints("stroke 1", position, 0.1))
-    assert arm.heard == []
-    robot.follow(a_stroke())
-
-
-@pytest.mark.parametrize("values", [{"approach": 0.0}, {"namespace": "brush"}])
-def test_settings_that_cannot_be_are_refused(values: dict[str, Any]) -> None:
-    with pytest.raises(ConfigError, match="A ROS arm was given"):
-        RosSettings(HOME, **values)

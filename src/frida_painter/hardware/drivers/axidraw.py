@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, ZeroUnknown
 from frida_painter.hardware.deadline import steady
+from frida_painter.hardware.drivers.driver import Driver
 from frida_painter.hardware.drivers.ebb import MAX_STEP_RATE, STOP_BYTES, Board, BoardState
 from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
@@ -29,7 +30,6 @@ from frida_painter.hardware.robot import (
     Waypoints,
     Workspace,
     Zero,
-    plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming
 
@@ -218,7 +218,7 @@ _NEEDED = Needed(module="serial", extra="plotter")
 _BOARD = (0x04D8, 0xFD92)  # numbers of maker and product that an EiBotBoard tells the USB
 
 
-class AxidrawRobot:
+class AxidrawRobot(Driver):
     """Robot with an EiBotBoard. Implements Robot, ZeroedRobot, TimedRobot, ExaminedRobot and PausableRobot.
 
     Its position is the count of the board's steps, so it cannot detect lost steps. A mark in the board's memory, which
@@ -262,17 +262,11 @@ class AxidrawRobot:
             raise
         self._line, self._board, self._pressed = line, board, False
 
-    def home(self) -> MotionReport:
-        """Moves to the home position, first vertically."""
-        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.approach))
-
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres, from the steps made. Its height is the servo's last command."""
         board = self._ready("pose")
-        try:
+        with self._interlock.blocking():
             return self._place(board)
-        except FridaError as error:
-            raise self._interlock.fault(error) from None
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along the waypoints with acceleration and braking; returns when the motors stand.
@@ -280,19 +274,13 @@ class AxidrawRobot:
         Raises ConfigError before anything moves, if the servo does not reach a height or the board a speed.
         Raises ZeroUnknown if the position is not known, MotionFailed, RobotDisconnected, RobotStopped.
         """
-        self._require_path(waypoints)
+        self._require_way(waypoints)
         if self._lost:
             raise ZeroUnknown(
                 f"{waypoints.label}: {self._interlock.name} does not know where it stands: {self._lost}. Find its zero "
                 "again: push the carriage into its home corner, and confirm that."
             )
-        return self._follow(waypoints)
-
-    def stop(self) -> None:
-        """Sends ES: the board drops its current and queued moves. The brush stays at its height; the motors hold."""
-        self._interlock.stop()
-        if self._board is not None:
-            self._board.halt()
+        return super().follow(waypoints)
 
     def stop_line(self) -> StopLine | None:
         """Returns the line over which another process can stop the board. Implements LineStoppedRobot."""
@@ -326,8 +314,7 @@ class AxidrawRobot:
         """
         waypoints = Waypoints("jog", (self.pose() + step)[None], _JOG_SPEED)
         self.settings.range.require(float(waypoints.position[0, 2]))
-        self._require_path(waypoints)
-        self._follow(waypoints)
+        super().follow(waypoints)
 
     def set_zero(self, tip: NDArray[np.float64]) -> None:
         """Declares that the tip stands at `tip` [3] (m) now, switches the motors on and marks the board's memory.
@@ -338,15 +325,13 @@ class AxidrawRobot:
         if tip.shape != (3,) or not np.isfinite(tip).all() or np.abs(tip).max() > 1.6:
             raise ConfigError(f"{self._interlock.name} was told to stand at {tip}; give x, y, z within 1.6 m.")
         board = self._ready("set the zero")
-        try:
+        with self._interlock.blocking():
             board.forget_zero()
             if not board.motors_on():
                 board.switch_motors(True)
             board.clear_steps()
             right, down = (board.round_zero(steps) for steps in _steps(tip))
             board.remember_zero(right, down)
-        except FridaError as error:
-            raise self._interlock.fault(error) from None
         self._offset, self._lost = (right, down), ""
 
     def timing(self) -> AxisTiming:
@@ -360,10 +345,8 @@ class AxidrawRobot:
     def wants_pause(self) -> bool:
         """Returns True, once, if the board's button was pressed since the last call."""
         board = self._ready("button")
-        try:
+        with self._interlock.blocking():
             pressed = board.button() or self._pressed
-        except FridaError as error:
-            raise self._interlock.fault(error) from None
         self._pressed = False
         return pressed
 
@@ -440,41 +423,39 @@ class AxidrawRobot:
         else:
             self._offset, self._lost = known, ""
 
-    def _require_path(self, waypoints: Waypoints) -> None:
+    def _require_way(self, waypoints: Waypoints) -> None:
         self._ready(waypoints.label)
-        self._interlock.require_path(waypoints)
+        super()._require_way(waypoints)
         if waypoints.speed > MAX_SPEED:
             raise ConfigError(
                 f"{waypoints.label}: {self._interlock.name} was given a speed of {waypoints.speed:g} m/s; its board "
                 f"makes {MAX_STEP_RATE} steps a second, which is {MAX_SPEED:.3f} m/s on a diagonal. It did not move."
             )
+        for height in waypoints.position[:, 2].tolist():
+            self.settings.range.value(height)
 
-    def _follow(self, waypoints: Waypoints) -> MotionReport:
+    def _go(self, waypoints: Waypoints) -> NDArray[np.float64]:
         board = self._ready(waypoints.label)
         started = time.monotonic()
-        try:
-            self._require_power(board, waypoints.label)
-            here = self._place(board)
-        except FridaError as error:
-            raise self._interlock.fault(error) from None
-        todo = list(moves(here, waypoints, self.settings))
+        self._require_power(board, waypoints.label)
+        todo = list(moves(self._place(board), waypoints, self.settings))
         before = ([self._height] + [move.height for move in todo[:-1]])[-1]
         pulses = [round(self.settings.range.value(move.height)) for move in todo]
         until = started + 2 * sum(move.milliseconds for move in todo) / 1000 + PATIENCE
-        try:
-            for move, pulse in zip(todo, pulses, strict=True):
-                self._make(board, move, pulse, waypoints.label)
-            if todo and todo[-1].height != before:  # the servo is up to two pulses late
-                board.do(f"SM,{2 * _TICK},0,0", waypoints.label, None, time.monotonic() + PATIENCE)
-            self._note(board.wait(waypoints.label, until), waypoints.label)
-            self._require_power(board, waypoints.label)
-            reached = self._place(board)
-        except FridaError as error:
-            self._interlock.fault(error)
-            board.halt()
-            raise
+        for move, pulse in zip(todo, pulses, strict=True):
+            self._make(board, move, pulse, waypoints.label)
+        if todo and todo[-1].height != before:  # the servo is up to two pulses late
+            board.do(f"SM,{2 * _TICK},0,0", waypoints.label, None, time.monotonic() + PATIENCE)
+        self._note(board.wait(waypoints.label, until), waypoints.label)
+        self._require_power(board, waypoints.label)
+        reached = self._place(board)
         self._alive = steady()
-        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+        return reached
+
+    def _halt(self) -> None:
+        """Sends ES: the board drops its current and queued moves. The brush stays at its height; the motors hold."""
+        if self._board is not None:
+            self._board.halt()
 
     def _make(self, board: Board, move: Move, pulse: int, label: str) -> None:
         """Has the board make a move. The lift moves in parallel with the belts, at its own rate and never at once."""

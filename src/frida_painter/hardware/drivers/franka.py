@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from frida_painter import registry
 from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import one_line, steady, within
+from frida_painter.hardware.drivers.driver import Driver
 from frida_painter.hardware.drivers.franka_kinematics import (
     JOINT_MARGIN,
     LOWER_JOINTS,
@@ -38,7 +39,6 @@ from frida_painter.hardware.robot import (
     MotionReport,
     Sense,
     Waypoints,
-    plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
 
@@ -91,7 +91,7 @@ _REMEDY = {
 }
 
 
-class FrankaRobot:
+class FrankaRobot(Driver):
     """Robot through franky. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot,
     GuidedRobot and TouchProbe.
 
@@ -139,10 +139,6 @@ class FrankaRobot:
         """Disconnects from the arm."""
         self._arm = None  # franky closes a connection when nothing refers to it
         self._interlock.mark_disconnected()
-
-    def home(self) -> MotionReport:
-        """Moves to the home position, first vertically."""
-        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.approach))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError if the arm's answer is no position."""
@@ -236,28 +232,17 @@ class FrankaRobot:
 
     # Motions.
 
-    def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints as one motion; returns when the arm stands.
+    def _go(self, waypoints: Waypoints) -> NDArray[np.float64]:
+        """Moves along the waypoints as one motion.
 
-        The brush is turned upright about its tip before that. The tip slows
-        down before corners and stops in sharp ones.
+        The brush is turned upright about its tip before that. The tip slows down before corners and stops in sharp
+        ones.
         Raises MotionFailed before anything moves if a waypoint is beyond the arm's reach or a joint would be too fast.
-        Raises MotionFailed with the arm's error, RobotDisconnected, or RobotStopped if it was stopped here or at the
-        arm. The arm then stands.
         """
-        self._interlock.require_ready(waypoints.label)
-        self._interlock.require_path(waypoints)
-        started = time.monotonic()
-        try:
-            self._require_idle(waypoints.label)
-            joints = self._plan(waypoints)
-            self._perform(waypoints.label, joints)
-            reached = self._settle(waypoints.label)
-        except FridaError as error:
-            self._interlock.fault(error)
-            self._halt()
-            raise
-        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+        self._require_idle(waypoints.label)
+        joints = self._plan(waypoints)
+        self._perform(waypoints.label, joints)
+        return self._settle(waypoints.label)
 
     def touch(self, lowest: float, speed: float) -> MotionReport:
         """Moves straight down until the arm feels the canvas. Implements hardware.robot.TouchProbe.
@@ -298,7 +283,7 @@ class FrankaRobot:
         The arm itself watches the force, at every millisecond. The estimate of a standing arm is off by some newton,
         so that the first part of the way down, on which nothing is touched, is its zero.
         """
-        try:
+        with self._moving():
             self._require_idle(label)
             zero = self._mean_force(label)
             state = self._state(label)
@@ -307,10 +292,6 @@ class FrankaRobot:
             self._perform(label, joints, felt=felt, zero=zero)
             self._settle(label)
             self._require_gentle(label, abs(self._mean_force(label) - zero))
-        except FridaError as error:
-            self._interlock.fault(error)
-            self._halt()
-            raise
         heights = [float(self._pose_of(angles, state)[0][2]) for angles, _ in felt]
         return np.array([(z, force) for z, (_, force) in zip(heights, felt, strict=True)]).reshape(-1, 2)
 
@@ -344,11 +325,6 @@ class FrankaRobot:
     def _force(state: Any) -> float:
         """Returns the vertical force in newton between brush and canvas, off by a constant; its sign is not used."""
         return float(np.array(state.O_F_ext_hat_K)[2])
-
-    def stop(self) -> None:
-        """Tells the arm to brake at once; it gives up its motion."""
-        self._interlock.stop()
-        self._halt()
 
     def _plan(self, waypoints: Waypoints, approach: float | None = None) -> NDArray[np.float64]:
         """Returns joint angles [n, 7] at every period, from rest to rest. Raises MotionFailed.
@@ -729,7 +705,7 @@ class FrankaRobot:
             raise RobotStopped(told) if mode == "UserStopped" else MotionFailed(told, errors[0] if errors else "reflex")
 
     def _halt(self) -> None:
-        """Stops the arm. Waits at most a second."""
+        """Tells the arm to brake at once; it gives up its motion. Waits at most a second."""
         if self._arm is not None:
             with suppress(Exception):  # any exception of the library: the interlock holds all the same
                 within(1.0, f"{self._interlock.name}: stop", lambda: self._arm.stop())

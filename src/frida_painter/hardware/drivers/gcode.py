@@ -10,12 +10,12 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import FridaError, MotionFailed, RobotError
+from frida_painter.hardware.drivers.driver import Driver
 from frida_painter.hardware.drivers.grbl import Grbl
 from frida_painter.hardware.drivers.marlin import Marlin
 from frida_painter.hardware.drivers.serial_line import SerialLine
@@ -41,7 +41,6 @@ from frida_painter.hardware.robot import (
     Waypoints,
     Workspace,
     Zero,
-    plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming
 from frida_painter.hardware.travel import TravelLimits
@@ -67,73 +66,16 @@ class GcodeSettings:
     homing: bool = False
     lowest: float | None = None
 
-
-class Firmware(Protocol):
-    """Firmware of a machine: the parts that differ between GRBL and Marlin. Lengths in mm of the work coordinates.
-
-    zero_lost: reason why the position may be wrong; "" if it survived
-    can_home: True if the machine has limit switches
-    stop_bytes: bytes that stop the machine at once, whatever was sent before
-
-    Its methods raise MotionFailed, RobotDisconnected and RobotStopped.
-    """
-
     @property
-    def zero_lost(self) -> str: ...  # noqa: D102
-
-    @property
-    def can_home(self) -> bool: ...  # noqa: D102
-
-    @property
-    def stop_bytes(self) -> bytes: ...  # noqa: D102
-
-    def greet(self, *, release: bool) -> None:
-        """Waits until the machine answers, and reads what it tells; moves nothing.
-
-        release: True to make a machine that a stop has held forget its motions
-        """
-
-    def prepare(self) -> None:
-        """Makes the machine ready to move; homes it if that is needed and allowed. Raises RobotError if it is not."""
-
-    def facts(self) -> Iterator[MachineFact]:
-        """Yields what the machine told, for a person."""
-
-    def timing(self) -> AxisTiming | None:
-        """Returns the limits of its axes; None if it did not tell them."""
-
-    def box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-        """Returns two corners [3] of the box that limits its motion; None if it has no such limits."""
-
-    def home(self) -> None:
-        """Drives to the limit switches; the zero is known then."""
-
-    def set_zero(self, tip: NDArray[np.float64]) -> None:
-        """Declares that the tip stands at `tip` [3]; the zero is known then."""
-
-    def jog(self, step: NDArray[np.float64], label: str) -> None:
-        """Moves by `step` [3] and returns when the machine stands."""
-
-    def send(self, line: str, label: str, waypoint: int | None) -> None:
-        """Sends a line and returns when it is acknowledged; waits as long as the machine shows that it lives."""
-
-    def settle(self, label: str) -> None:
-        """Returns when the machine stands still after all lines sent."""
-
-    def position(self) -> NDArray[np.float64]:
-        """Returns the machine's position [3]."""
-
-    def alive_at(self) -> float:
-        """Returns the time (s, steady) when the machine last showed that it moves or waits."""
-
-    def wants_pause(self) -> bool:
-        """Returns True, once, if the board's pause button was pressed."""
-
-    def forget(self) -> None:
-        """Makes a standing machine forget its remaining motions."""
+    def approach(self) -> float:
+        """Speed to the first waypoint of a motion, m/s."""
+        return self.gcode.approach
 
 
-class GcodeRobot:
+Firmware = Grbl | Marlin
+
+
+class GcodeRobot(Driver):
     """Robot that follows G-code. A stop or fault blocks it until `connect`.
 
     Implements hardware.robot.Robot, ZeroedRobot, TimedRobot, LimitedRobot, ExaminedRobot and PausableRobot.
@@ -223,47 +165,33 @@ class GcodeRobot:
     def wants_pause(self) -> bool:
         """Returns True, once, if the board's pause button was pressed. Raises RobotError."""
         firmware = self._ready("pause button")
-        try:
+        with self._interlock.blocking():
             return firmware.wants_pause()
-        except FridaError as error:
-            raise self._interlock.fault(error) from None
-
-    def home(self) -> MotionReport:
-        """Moves to the home position, first vertically."""
-        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.gcode.approach))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. With a servo, its height is that of the last waypoint."""
         firmware = self._ready("pose")
-        try:
+        with self._interlock.blocking():
             return self._metres(firmware.position())
-        except FridaError as error:
-            raise self._interlock.fault(error) from None
 
-    def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints; returns when the machine stands still, with its position.
-
-        Raises MotionFailed, which names the waypoint, RobotDisconnected or RobotStopped; the machine is then held.
-        """
+    def _require_way(self, waypoints: Waypoints) -> None:
+        """Raises MotionFailed, before anything is sent, if it is no path or leaves the machine's own limits."""
         firmware = self._ready(waypoints.label)
-        self._interlock.require_path(waypoints)
+        super()._require_way(waypoints)
         self._require_within(firmware, waypoints)
-        started = time.monotonic()
-        try:
-            self._begin(firmware, waypoints.label)
-            x, y, z = self._metres(firmware.position()).tolist()
-            known = self.settings.gcode.tells_height or self._tip is not None
-            lines = list(self.settings.gcode.lines(waypoints, (x, y, z) if known else None))
-            for index, line in lines:
-                firmware.send(line, waypoints.label, index)
-            firmware.settle(waypoints.label)
-            self._tip = waypoints.position[-1]
-            reached = self._metres(firmware.position())
-        except FridaError as error:
-            self._interlock.fault(error)
-            self._halt(firmware)
-            raise
-        return MotionReport(waypoints.label, started, time.monotonic(), reached)
+
+    def _go(self, waypoints: Waypoints) -> NDArray[np.float64]:
+        """Sends the lines of the path, and waits until the machine stands."""
+        firmware = self._ready(waypoints.label)
+        self._begin(firmware, waypoints.label)
+        x, y, z = self._metres(firmware.position()).tolist()
+        known = self.settings.gcode.tells_height or self._tip is not None
+        lines = list(self.settings.gcode.lines(waypoints, (x, y, z) if known else None))
+        for index, line in lines:
+            firmware.send(line, waypoints.label, index)
+        firmware.settle(waypoints.label)
+        self._tip = waypoints.position[-1]
+        return self._metres(firmware.position())
 
     def stop(self) -> None:
         """Holds the machine by a command that overtakes all queued lines."""
@@ -288,7 +216,8 @@ class GcodeRobot:
         self._interlock.mark_disconnected()
         if line is not None and firmware is not None:
             if self._interlock.stopped:
-                self._forget(firmware)
+                with contextlib.suppress(RobotError):
+                    firmware.forget()
             line.close()
 
     def _begin(self, firmware: Firmware, label: str) -> None:
@@ -309,21 +238,13 @@ class GcodeRobot:
             raise RobotError(f"{label}: {self._interlock.name} is not connected; call connect() first.")
         return self._firmware
 
-    def _halt(self, firmware: Firmware) -> None:
+    def _halt(self) -> None:
         """Holds the machine after a fault and clears its motions. A lost line is ignored."""
-        if self._line is None:
-            return
-        try:
-            self._line.write(firmware.stop_bytes)
-        except RobotError:
-            return
-        self._forget(firmware)
-
-    def _forget(self, firmware: Firmware) -> None:
-        try:
-            firmware.forget()
-        except RobotError:
-            return
+        line, firmware = self._line, self._firmware
+        if line is not None and firmware is not None:
+            with contextlib.suppress(RobotError):
+                line.write(firmware.stop_bytes)
+                firmware.forget()
 
     def _metres(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         metres = position / 1000
@@ -334,12 +255,8 @@ class GcodeRobot:
     def _attempt(self, label: str, act: Callable[[Firmware], None]) -> None:
         """Does what may move the machine; after a fault it is held and blocked."""
         firmware = self._ready(label)
-        try:
+        with self._moving():
             act(firmware)
-        except FridaError as error:
-            self._interlock.fault(error)
-            self._halt(firmware)
-            raise
 
     def _jog(self, firmware: Firmware, step: NDArray[np.float64]) -> None:
         """Moves by `step` metres; a servo moves by its own, as do a person's own lines.

@@ -16,27 +16,25 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import steady
-from frida_painter.hardware.drivers.serial_line import FLOOD, SerialLine, StrangeLines
+from frida_painter.hardware.drivers.firmware import JOG_FEED, SLICE, AnyFirmware, Box, place
+from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.interlock import PATIENCE, Interlock
 from frida_painter.hardware.robot import MachineFact
 from frida_painter.hardware.timing import AxisTiming
 
 _HOLD, _RESET, _STATUS = b"!", b"\x18", b"?"
-_SLICE = 0.05
 _GREETING = 7.0  # seconds until a board has started: a bootloader takes two, a processor with wireless up to five
 _ASK_AFTER = 0.5
 _HOMING = 90.0
 _MAX_REPORTS = 40  # At least one report in thirty contains the offset of the work coordinates.
 _SETTLING = 0.6  # seconds for late answers to another program
-_CATCH_UP_AFTER = 1.0  # seconds for which nobody listened
 _MILLIMETRES_PER_INCH = 25.4
 _OF_GRBL = ("[", "$", "error:", "ALARM:", ">")
 _DWELL = 0.05  # seconds: GRBL and grblHAL wait for multiples of it (DWELL_TIME_STEP), and FluidNC for milliseconds
 _SETTING = 0.02  # seconds: two acknowledged lines
 _BETWEEN = 0.01  # seconds between two motions, besides the dwell: questions for state and position
 _COARSE = 0.3  # mm of a step of the height that a person is told of
-_JOG_FEED = 600  # mm/min
 _ALARMS = {
     "1": "a limit switch was hit",
     "2": "the way leads beyond the machine's own limits",
@@ -107,28 +105,19 @@ class _Told:
 _PROBED = re.compile(r"\[PRB:-?[\d.]+,-?[\d.]+,(-?[\d.]+)[^:]*:([01])\]")
 
 
-class Grbl:
-    """Firmware of the GRBL family over an open line. Implements drivers.gcode.Firmware."""
+class Grbl(AnyFirmware):
+    """Firmware of the GRBL family over an open line."""
 
     def __init__(self, line: SerialLine, interlock: Interlock, language: Gcode, *, homing: bool) -> None:
-        self._homing_wanted = homing
-        self._line, self._interlock, self._language = line, interlock, language
+        super().__init__(line, interlock, language, homing=homing)
         self._told = _Told()
         self._offset: NDArray[np.float64] | None = None
         self._inches = False
         self._state = ""
-        self._was_reset = False
-        self._zero_known = False
-        self._ok_follows_report = False
-        self._skips_ok = False
-        self._homes = False
-        self._button = False
-        self._heard_at = self._moved_at = time.monotonic()
-        self._alive_at = steady()
+        self._ok_follows_report = self._skips_ok = self._button = False
+        self._moved_at = time.monotonic()
         self._place: NDArray[np.float64] | None = None
         self._probes: deque[tuple[float, bool]] = deque(maxlen=9)  # machine height in mm, and if the contact closed
-        self._listens = True
-        self._strangers = StrangeLines()
 
     # Connection: what the controller tells, and that it is ready.
 
@@ -138,7 +127,7 @@ class Grbl:
         release: True to make a machine that a stop has held forget its motions
         """
         until = time.monotonic() + _GREETING
-        while (report := self._report_within(5 * _SLICE)) is None:
+        while (report := self._report_within(5 * SLICE)) is None:
             if time.monotonic() > until:
                 raise RobotDisconnected(
                     f"{self._interlock.name} gave no report of its state in {_GREETING:.0f} s; is this GRBL, and at "
@@ -146,7 +135,7 @@ class Grbl:
                 )
         self._line.write(b"\n")  # ends a line that another program left half
         quiet = time.monotonic() + _SETTLING
-        while time.monotonic() < quiet and self._hear(4 * _SLICE) is not None:
+        while time.monotonic() < quiet and self._hear(4 * SLICE) is not None:
             pass
         self._ok_follows_report = self._tells_ok_after_report() and self._tells_ok_after_report()
         if release and report.held and self._stands():  # it keeps its position
@@ -200,9 +189,9 @@ class Grbl:
         if self._was_reset:
             yield MachineFact("Its board restarts when its line is opened. From now on the line is kept so that it "
                               "does not.")  # fmt: skip
-        if told.settings and not self._zero_known:
-            yield MachineFact(f"Its zero is to be found before it paints: {self.zero_lost}.", "warning")
-        yield from self._explain_speeds()
+        if told.settings:
+            yield from self._explain_zero()
+        yield from self._explain_rates()
         yield from self._explain_motors()
         if self._inches:
             yield MachineFact("It reports inches ($13=1), which are converted.")
@@ -241,13 +230,11 @@ class Grbl:
             return "a machine that speaks GRBL 1.1"
         return f"{self._name()} {version.replace('FluidNC ', '')}{buffer}"
 
-    def _explain_speeds(self) -> Iterator[MachineFact]:
-        told = self._told
-        rates, gains = told.numbers(110), told.numbers(120)
+    def _explain_rates(self) -> Iterator[MachineFact]:
+        rates, gains = self._told.numbers(110), self._told.numbers(120)
         if rates and gains:
-            speeds = ", ".join(f"{axis} {rate / 60:.3g} mm/s" for axis, rate in zip("xyz", rates, strict=True))
-            ramps = ", ".join(f"{axis} {gain:g}" for axis, gain in zip("xyz", gains, strict=True))
-            yield MachineFact(f"It moves at most: {speeds} ($110 to $112), and accelerates by {ramps} mm/s2.")
+            x, y, z = (rate / 60 for rate in rates)
+            yield self._explain_speeds((x, y, z), gains, " ($110 to $112)", "")
             if min(gains) <= 10 or min(rates) <= 500:
                 yield MachineFact("These are GRBL's default limits, far below what most machines can do: everything "
                                   "takes long. Raise $110 to $112 and $120 to $122 as your machine allows.",
@@ -305,7 +292,7 @@ class Grbl:
             servo=self._language.servo_timing(tick, _SETTING, stops=self._told.number("32") != 1),
         )
 
-    def box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def box(self) -> Box | None:
         """Returns two corners of the box that limits its motion, mm of its work coordinates; None without limits."""
         travel = self._told.numbers(130)
         if self._told.number("20") != 1 or travel is None or self._offset is None:
@@ -314,15 +301,6 @@ class Grbl:
 
     # The zero. GRBL loses its S word at every reset and keeps it otherwise, so the S word tells if the position
     # survived. With a servo, the servo's own value tells it.
-
-    @property
-    def zero_lost(self) -> str:
-        """Reason why the position may be wrong; "" if it survived."""
-        if self._zero_known:
-            return ""
-        if self._was_reset:
-            return "its board was reset, and counts from 0 wherever it stands"
-        return "since its last start nobody has told it where it stands"
 
     @property
     def can_home(self) -> bool:
@@ -335,9 +313,7 @@ class Grbl:
         GRBL reports nothing meanwhile. In an alarm it takes no other line than this one.
         """
         if self._ask().state.startswith("Idle") and not self._language.tells_height:
-            x, y, _ = (self.position() / 1000).tolist()
-            for line in self._language.lift_fully((x, y)):
-                self.send(line, "homing", None)
+            self._lift("homing")
         self._homes = True
         try:
             travel = self._told.numbers(130) or (1000.0, 1000.0, 1000.0)
@@ -350,9 +326,7 @@ class Grbl:
 
     def set_zero(self, tip: NDArray[np.float64]) -> None:
         """Declares that the tip stands at `tip` [3] mm of the work coordinates."""
-        x, y, z = (f"{value:.3f}" for value in tip)
-        height = "" if self._language.servo is not None else f" Z{z}"
-        self.send(f"G10 L20 P0 X{x} Y{y}{height}", "set zero", None)
+        self.send(f"G10 L20 P0 {self._words(tip)}", "set zero", None)
         self._offset = None
         self._mark_zero()
 
@@ -380,7 +354,7 @@ class Grbl:
     def jog(self, step: NDArray[np.float64], label: str) -> None:
         """Moves by `step` [3] mm, and returns when the machine stands."""
         x, y, z = (f"{value:.3f}" for value in step)
-        self.send(f"$J=G91 G21 X{x} Y{y} Z{z} F{_JOG_FEED}", label, None)
+        self.send(f"$J=G91 G21 X{x} Y{y} Z{z} F{JOG_FEED}", label, None)
         self._await_idle(label)
 
     # Motion.
@@ -450,7 +424,7 @@ class Grbl:
                     f"{label}: {self._interlock.name} acknowledged the end of its motion, and says {report.state!r}; "
                     "it is held. Look at it before it is connected anew."
                 )
-            time.sleep(_SLICE)
+            time.sleep(SLICE)
 
     def position(self) -> NDArray[np.float64]:
         """Returns the work coordinates [3] of a fresh report, mm."""
@@ -463,10 +437,6 @@ class Grbl:
         raise RobotError(
             f"{self._interlock.name} does not say where it is in work coordinates; set $10=1 or $10=0 on it."
         )
-
-    def alive_at(self) -> float:
-        """Returns the time (s, steady) when it last moved, acknowledged a line, dwelt or was held by a person."""
-        return self._alive_at
 
     def wants_pause(self) -> bool:
         """Returns True, once, if the board's feed hold was pressed."""
@@ -500,7 +470,7 @@ class Grbl:
             state = self._ask().state
             if state not in _MOVING:
                 return not state.startswith("Alarm")
-            time.sleep(_SLICE)
+            time.sleep(SLICE)
         return False
 
     def _reset(self) -> None:
@@ -509,15 +479,15 @@ class Grbl:
         self._line.write(_RESET)
         until = time.monotonic() + 1
         while time.monotonic() < until and not self._was_reset:
-            self._hear(_SLICE)
+            self._hear(SLICE)
         self._was_reset, self._zero_known = False, known
         if known and self._language.servo is None:
             self._line.write(f"S{self._mark()}\n".encode("ascii"))
-            self._hear(4 * _SLICE)
+            self._hear(4 * SLICE)
 
     # Lines that come.
 
-    def _hear(self, seconds: float) -> str | None:
+    def _hear(self, seconds: float = SLICE) -> str | None:
         """Returns the next line that means something, without the oks that a clone says after reports."""
         answer = self._line.read(seconds)
         if answer is None:
@@ -542,24 +512,12 @@ class Grbl:
             )
         return answer
 
-    def _catch_up(self, label: str) -> None:
-        """Reads what the machine said while nobody listened. Raises MotionFailed if it was reset meanwhile."""
-        if time.monotonic() < self._heard_at + _CATCH_UP_AFTER:
-            return
-        until, reset = time.monotonic() + FLOOD, self._was_reset
-        self._listens = False
-        while time.monotonic() < until and self._hear(0.02) is not None:
-            pass
-        self._listens = True
-        if self._was_reset and not reset:
-            raise self._report_reset(label, None)
-
     def _take(self, report: _Report) -> None:
         """Notes the state and if the machine shows that it lives."""
         self._state = report.state
-        place = report.numbers.get("MPos", report.numbers.get("WPos"))
-        moved = place is not None and (self._place is None or not np.array_equal(place, self._place))
-        self._place = place if place is not None else self._place
+        here = report.numbers.get("MPos", report.numbers.get("WPos"))
+        moved = here is not None and (self._place is None or not np.array_equal(here, self._place))
+        self._place = here if here is not None else self._place
         if report.held and not self._interlock.stopped:
             self._button = True
         if moved or report.held or report.state.startswith(("Home", "Idle")):
@@ -571,7 +529,7 @@ class Grbl:
         """Requests a report and returns it. Raises RobotDisconnected if none comes."""
         until = time.monotonic() + PATIENCE
         while time.monotonic() < until:
-            if (report := self._report_within(10 * _SLICE)) is not None:
+            if (report := self._report_within(10 * SLICE)) is not None:
                 return report
         raise RobotDisconnected(
             f"{self._interlock.name} gave no report of its state in {PATIENCE:.0f} s; is this GRBL, and at this baud "
@@ -582,18 +540,18 @@ class Grbl:
         self._line.write(_STATUS)
         until = time.monotonic() + seconds
         while time.monotonic() < until:
-            answer = self._hear(_SLICE)
+            answer = self._hear(SLICE)
             if answer is not None and answer.startswith("<"):
                 return self._parse_report(answer)
         return None
 
     def _tells_ok_after_report(self) -> bool:
         """Asks for a report while nothing waits for an ok; returns True if one comes all the same."""
-        if self._report_within(10 * _SLICE) is None:
+        if self._report_within(10 * SLICE) is None:
             return False
-        until = time.monotonic() + 3 * _SLICE
+        until = time.monotonic() + 3 * SLICE
         while time.monotonic() < until:
-            if self._hear(_SLICE) == "ok":
+            if self._hear(SLICE) == "ok":
                 return True
         return False
 
@@ -603,7 +561,7 @@ class Grbl:
         found: list[str] = []
         until = time.monotonic() + 1.5
         while time.monotonic() < until:
-            answer = self._hear(_SLICE)
+            answer = self._hear(SLICE)
             if answer == "ok":
                 return found
             if answer is not None and answer.startswith("error:"):
@@ -628,21 +586,19 @@ class Grbl:
 
     def _require_running(self, label: str, waypoint: int | None) -> None:
         """Raises MotionFailed if the state needs a person, RobotStopped after a stop. A held machine is waited for."""
-        if self._interlock.stopped:
-            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
+        self._interlock.heed_stop(label)
         state = self._state
         kind = state.partition(":")[0]
         meaning = _STANDING.get(state) or _STANDING.get(kind)
         if meaning is None:
             return
-        where = "" if waypoint is None else f" at waypoint {waypoint}"
         remedy = (
             "clear the alarm with its own controls; this program never does"
             if kind == "Alarm"
             else "see that it can move, reset it with its own controls, then connect anew"
         )
         raise MotionFailed(
-            f"{label}: {self._interlock.name} {meaning}{where}; it says {state!r}. Look at it, and {remedy}.",
+            f"{label}: {self._interlock.name} {meaning}{place(waypoint)}; it says {state!r}. Look at it, and {remedy}.",
             state,
             waypoint,
         )
@@ -650,10 +606,9 @@ class Grbl:
     def _read(self, label: str, waypoint: int | None) -> str | None:
         """Returns one line of the machine, None if none came. Raises the errors that it reports."""
         resets = self._was_reset
-        answer = self._hear(_SLICE)
-        if self._interlock.stopped:
-            raise RobotStopped(f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew.")
-        where = "" if waypoint is None else f" at waypoint {waypoint}"
+        answer = self._hear(SLICE)
+        self._interlock.heed_stop(label)
+        where = place(waypoint)
         if answer is not None and answer.startswith("error:"):
             code = answer.removeprefix("error:").strip()
             meaning = f" ({_ERRORS[code]})" if code in _ERRORS else ""
@@ -676,15 +631,6 @@ class Grbl:
             raise self._report_reset(label, waypoint)
         return answer
 
-    def _report_reset(self, label: str, waypoint: int | None) -> MotionFailed:
-        where = "" if waypoint is None else f" at waypoint {waypoint}"
-        return MotionFailed(
-            f"{label}: {self._interlock.name} was reset{where}; it has forgotten where it is. Look at it, home it, "
-            "then connect anew.",
-            "reset",
-            waypoint,
-        )
-
     def _parse_report(self, report: str) -> _Report:
         parts = report.strip("<>").split("|")
         numbers: dict[str, NDArray[np.float64]] = {}
@@ -695,13 +641,13 @@ class Grbl:
             if name not in ("MPos", "WPos", "WCO"):
                 continue
             try:
-                place = np.array([float(value) for value in values.split(",")[:3]])
+                here = np.array([float(value) for value in values.split(",")[:3]])
             except ValueError:
-                place = np.empty(0)
-            if place.shape != (3,) or not np.isfinite(place).all():
+                here = np.empty(0)
+            if here.shape != (3,) or not np.isfinite(here).all():
                 raise RobotDisconnected(
                     f"{self._interlock.name} reported {report[:80]!r}, which is no place; look at its line."
                 )
-            numbers[name] = place * _MILLIMETRES_PER_INCH if self._inches else place
+            numbers[name] = here * _MILLIMETRES_PER_INCH if self._inches else here
         self._offset = numbers.get("WCO", self._offset)
         return _Report(parts[0], numbers, pins)

@@ -12,48 +12,43 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.errors import MotionFailed, RobotDisconnected
 from frida_painter.hardware.deadline import steady
-from frida_painter.hardware.drivers.serial_line import FLOOD, SerialLine, StrangeLines
+from frida_painter.hardware.drivers.firmware import JOG_FEED, SLICE, AnyFirmware, Axes, Box, place
+from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.interlock import PATIENCE, Interlock
 from frida_painter.hardware.robot import MachineFact
 from frida_painter.hardware.timing import AxisTiming
 
-_SLICE = 0.05
 _GREETING = 8.0  # seconds until a board has started
 _MAX_RESENDS = 3
 _BUSY = 2.0  # seconds between two "busy" of a machine that works
 _SILENT = 60.0  # seconds of the longest single motion of a machine that does not tell that it is busy
 _HOMING = 120.0
 _SETTLING = 1.5  # seconds
-_CATCH_UP_AFTER = 1.0  # seconds for which nobody listened
 _BETWEEN = 0.02  # seconds between two motions
 _SETTING = 0.33  # seconds: M280 returns after SERVO_DELAY, 0.3 s if its builder did not change it, and three lines
-_JOG_FEED = 600  # mm/min
 _CLEAR = 5.0  # mm by which the brush is lifted before homing, wherever it stands
 _FOUND = 86.4
 """E position that stands for a zero that was found: a restart sets it to 0, and nothing here extrudes."""
 _PLACE = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)(?:\s+E:\s*(-?[\d.]+))?")
 
 
-class Marlin:
-    """Firmware Marlin over an open line. Implements drivers.gcode.Firmware."""
+class Marlin(AnyFirmware):
+    """Firmware Marlin over an open line."""
+
+    untold = "since its last start or stop nobody has told it where it stands"
 
     def __init__(self, line: SerialLine, interlock: Interlock, language: Gcode, *, homing: bool) -> None:
-        self._line, self._interlock, self._language, self._homing_wanted = line, interlock, language, homing
+        super().__init__(line, interlock, language, homing=homing)
         self._number = 0
         self._about, self._capabilities = "", dict[str, bool]()
         self._codes: dict[str, dict[str, float]] = {}
-        self._box: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
-        self._was_reset = self._zero_known = False
+        self._box: Box | None = None
         self._has_servo = True
-        self._homes = False
-        self._heard_at = time.monotonic()
-        self._alive_at = steady()
         self._answer: list[str] = []
         self._strange: deque[str] = deque(maxlen=20)
-        self._strangers = StrangeLines()
 
     # Connection.
 
@@ -75,7 +70,7 @@ class Marlin:
             while (answer is None or not _is_ok(answer)) and time.monotonic() < heard:
                 answer = self._hear()
         quiet = time.monotonic() + _SETTLING  # for the machine's greeting, and answers to repeated questions
-        while time.monotonic() < quiet and self._hear(4 * _SLICE) is not None:
+        while time.monotonic() < quiet and self._hear(4 * SLICE) is not None:
             pass
         self._number = 0
         self._read_out()
@@ -94,9 +89,9 @@ class Marlin:
                 self._codes.setdefault(found[1], {}).update(words)
         if self._language.servo is not None:
             self._has_servo = not any("nknown command" in line for line in self._ask("M280 P0"))
-        place = self._ask_place()
+        told, _ = self._ask_place()
         self._box = self._soft_box()
-        mark = place[0].group(4)
+        mark = told.group(4)
         self._zero_known = not self._was_reset and mark is not None and abs(float(mark) - _FOUND) < 0.01
 
     def prepare(self) -> None:
@@ -119,13 +114,10 @@ class Marlin:
         if not self._codes:
             yield MachineFact("It does not list its settings (M503); times are reckoned as if it moved at full speed.",
                               "warning")  # fmt: skip
-        if not self._zero_known:
-            yield MachineFact(f"Its zero is to be found before it paints: {self.zero_lost}.", "warning")
+        yield from self._explain_zero()
         rates, gains = self._axes("M203"), self._axes("M201")
         if rates and gains:
-            speeds = ", ".join(f"{axis} {rate:g} mm/s" for axis, rate in zip("xyz", rates, strict=True))
-            ramps = ", ".join(f"{axis} {gain:g}" for axis, gain in zip("xyz", gains, strict=True))
-            yield MachineFact(f"It moves at most: {speeds} (M203), and accelerates by {ramps} mm/s2 (M201).")
+            yield self._explain_speeds(rates, gains, " (M203)", " (M201)")
         if self._box is not None:
             low, high = self._box
             sides = ", ".join(f"{axis} {low[i]:g} to {high[i]:g}" for i, axis in enumerate("xyz"))
@@ -144,7 +136,7 @@ class Marlin:
                               "switched off and on; that is what a stop sends then.", "warning")  # fmt: skip
         yield MachineFact("A stop halts its motors at once, and they may lose steps; its zero is then found again.")
 
-    def _axes(self, code: str) -> tuple[float, float, float] | None:
+    def _axes(self, code: str) -> Axes | None:
         words = self._codes.get(code, {})
         x, y, z = (words.get(axis, 0.0) for axis in "XYZ")
         return (x, y, z) if min(x, y, z) > 0 else None
@@ -168,11 +160,11 @@ class Marlin:
             servo=self._language.servo_timing(each=_SETTING),
         )
 
-    def box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def box(self) -> Box | None:
         """Returns the corners of the box of the software endstops, mm of the work coordinates; None if they are off."""
         return self._box
 
-    def _soft_box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    def _soft_box(self) -> Box | None:
         """Returns the box of the software endstops as M211 tells it: in work coordinates, also after G92."""
         told = " ".join(self._ask("M211"))
         corner = r"\s*X(-?[\d.]+)\s+Y(-?[\d.]+)\s+Z(-?[\d.]+)"  # "Soft endstops: On  Min: ...", or "M211 S1 ; ON"
@@ -184,15 +176,6 @@ class Marlin:
     # The zero.
 
     @property
-    def zero_lost(self) -> str:
-        """Reason why the position may be wrong; "" if it survived."""
-        if self._zero_known:
-            return ""
-        if self._was_reset:
-            return "its board was reset, and counts from 0 wherever it stands"
-        return "since its last start or stop nobody has told it where it stands"
-
-    @property
     def can_home(self) -> bool:
         """True: a printer has limit switches."""
         return True
@@ -202,9 +185,7 @@ class Marlin:
         if self._language.tells_height:
             self.jog(np.array([0.0, 0.0, _CLEAR]), "homing")
         else:
-            x, y, _ = (self.position() / 1000).tolist()
-            for line in self._language.lift_fully((x, y)):
-                self.send(line, "homing", None)
+            self._lift("homing")
         self._homes = True
         try:
             self.send("G28", "homing", None, quiet=_HOMING)
@@ -214,9 +195,7 @@ class Marlin:
 
     def set_zero(self, tip: NDArray[np.float64]) -> None:
         """Declares that the tip stands at `tip` [3] mm of the work coordinates."""
-        x, y, z = (f"{value:.3f}" for value in tip)
-        height = "" if self._language.servo is not None else f" Z{z}"
-        self.send(f"G92 X{x} Y{y}{height}", "set zero", None)
+        self.send(f"G92 {self._words(tip)}", "set zero", None)
         self._mark_zero()
 
     def _mark_zero(self) -> None:
@@ -228,7 +207,7 @@ class Marlin:
         """Moves by `step` [3] mm, and returns when the machine stands."""
         x, y, z = (f"{value:.3f}" for value in step)
         self.send("G91", label, None)
-        self.send(f"G1 X{x} Y{y} Z{z} F{_JOG_FEED}", label, None)
+        self.send(f"G1 X{x} Y{y} Z{z} F{JOG_FEED}", label, None)
         self.send("G90", label, None)
         self.settle(label)
 
@@ -287,10 +266,6 @@ class Marlin:
                 return list(self._answer)
         raise RobotDisconnected(f"{self._interlock.name} got {question!r} damaged; look at the cable.")
 
-    def alive_at(self) -> float:
-        """Returns the time (s, steady) when it last acknowledged a line or said that it is busy."""
-        return self._alive_at
-
     def wants_pause(self) -> bool:
         """Returns True, once, if the machine said that it was paused at its display (//action:pause)."""
         paused = any(line.startswith(("//action:pause", "// action:pause")) for line in self._strange)
@@ -312,7 +287,7 @@ class Marlin:
 
     # Lines that come.
 
-    def _hear(self, seconds: float = _SLICE) -> str | None:
+    def _hear(self, seconds: float = SLICE) -> str | None:
         answer = self._line.read(seconds)
         if answer is not None:
             self._heard_at = time.monotonic()
@@ -326,10 +301,7 @@ class Marlin:
         answered_at = time.monotonic()
         while True:
             answer = self._hear()
-            if self._interlock.stopped:
-                raise RobotStopped(
-                    f"{label}: {self._interlock.name} was stopped; look at it before it is connected anew."
-                )
+            self._interlock.heed_stop(label)
             silent = time.monotonic() - answered_at  # lines that nobody asked for are no sign of work
             if silent > quiet + PATIENCE:
                 raise RobotDisconnected(
@@ -370,28 +342,14 @@ class Marlin:
                 "the machine."
             )
 
-    def _catch_up(self, label: str) -> None:
-        """Reads what the machine said while nobody listened. Raises MotionFailed if it was reset meanwhile."""
-        if time.monotonic() < self._heard_at + _CATCH_UP_AFTER:
-            return
-        until, reset = time.monotonic() + FLOOD, self._was_reset
-        while time.monotonic() < until and self._hear(0.02) is not None:
-            pass
-        if self._was_reset and not reset:
-            raise self._report_failure("start", label, None)
-
-    def _report_failure(self, answer: str, label: str, waypoint: int | None) -> RobotError:
-        where = "" if waypoint is None else f" at waypoint {waypoint}"
+    def _report_failure(self, answer: str, label: str, waypoint: int | None) -> MotionFailed:
         if answer == "start":
-            return MotionFailed(
-                f"{label}: {self._interlock.name} was reset{where}; it has forgotten where it is. Look at it, home it, "
-                "then connect anew.",
-                "reset",
-                waypoint,
-            )
+            return self._report_reset(label, waypoint)
         told = answer.removeprefix("Error:")[:80]
         return MotionFailed(
-            f"{label}: {self._interlock.name} failed{where}: {told!r}. Look at it, then connect anew.", told, waypoint
+            f"{label}: {self._interlock.name} failed{place(waypoint)}: {told!r}. Look at it, then connect anew.",
+            told,
+            waypoint,
         )
 
 

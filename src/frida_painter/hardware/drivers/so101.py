@@ -18,17 +18,16 @@ from numpy.typing import NDArray
 from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, steady
+from frida_painter.hardware.drivers.driver import Driver
 from frida_painter.hardware.gateway import FASTEST
 from frida_painter.hardware.interlock import Interlock
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, require_home
 from frida_painter.hardware.robot import (
     Examination,
     MachineFact,
-    MotionReport,
     Point,
     Waypoints,
     Workspace,
-    plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming, Timing
 
@@ -183,7 +182,7 @@ class So101Kinematics:
         return np.array(moves)
 
 
-class So101Robot:
+class So101Robot(Driver):
     """Robot over the servo bus. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot and LooseRobot."""
 
     def __init__(self, settings: So101Settings) -> None:
@@ -280,39 +279,21 @@ class So101Robot:
         """Returns the time when a servo last reported another position."""
         return self._alive_at
 
-    def home(self) -> MotionReport:
-        """Moves to the home position, first vertically."""
-        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.approach))
-
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip [3] in metres, as the servos' encoders tell it."""
         self._interlock.require_ready("pose")
         return self._kinematics().tip(self._joints("pose"))[0]
 
-    def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints with the brush upright; returns when the arm stands.
+    def _go(self, waypoints: Waypoints) -> NDArray[np.float64]:
+        """Moves with the brush upright.
 
         Raises MotionFailed before anything moves if a waypoint is out of reach or a joint would be too fast, and if a
-        servo reports an error or is far behind. Raises RobotDisconnected or RobotStopped. The arm then holds.
+        servo reports an error or is far behind.
         """
-        self._interlock.require_ready(waypoints.label)
-        self._interlock.require_path(waypoints)
-        started = time.monotonic()
-        try:
-            self._require_held(waypoints.label)
-            joints = self._plan(waypoints)
-            self._stream(waypoints.label, joints)
-            reached = self._settle(waypoints.label, joints[-1])
-        except FridaError as error:
-            self._interlock.fault(error)
-            self._hold()
-            raise
-        return MotionReport(waypoints.label, started, time.monotonic(), reached)
-
-    def stop(self) -> None:
-        """Makes every servo hold its present position."""
-        self._interlock.stop()
-        self._hold()
+        self._require_held(waypoints.label)
+        joints = self._plan(waypoints)
+        self._stream(waypoints.label, joints)
+        return self._settle(waypoints.label, joints[-1])
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] that the tip reaches with the brush upright: [k]."""
@@ -531,7 +512,7 @@ class So101Robot:
             "hold their last goals."
         )
 
-    def _hold(self) -> None:
+    def _halt(self) -> None:
         """Makes the present positions the goals, as far as the servos answer. Raises nothing; waits a second at most.
 
         Without a free line after a second, the servos still hold: they get no further goals.

@@ -19,17 +19,16 @@ from scipy.spatial.transform import Rotation
 from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import steady, within
+from frida_painter.hardware.drivers.driver import Driver
 from frida_painter.hardware.interlock import PATIENCE, Interlock, motion_timeout
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
 from frida_painter.hardware.robot import (
     Examination,
     MachineFact,
-    MotionReport,
     Point,
     StopLine,
     Waypoints,
     Workspace,
-    plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming
 
@@ -133,7 +132,7 @@ class XarmSettings:
             )
 
 
-class XarmRobot:
+class XarmRobot(Driver):
     """Robot through UFACTORY's SDK. Implements Robot, TimedRobot, ExaminedRobot and GuidedRobot.
 
     Stops use a separate connection.
@@ -218,10 +217,6 @@ class XarmRobot:
             self._interlock.asking("set_mode", lambda: self._arm.set_mode(_POSITIONS))
             self._interlock.asking("set_state", lambda: self._arm.set_state(_STOPPED[0]))
 
-    def home(self) -> MotionReport:
-        """Moves to the home position, first vertically."""
-        return self.follow(plan_way_home(self.pose(), self.settings.home, self.settings.approach))
-
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError if the answer is no position."""
         self._interlock.require_ready("pose")
@@ -250,45 +245,30 @@ class XarmRobot:
             )
         return place
 
-    def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along the waypoints in straight lines with slightly rounded corners; returns when the arm stands.
+    def _go(self, waypoints: Waypoints) -> NDArray[np.float64]:
+        """Moves in straight lines with slightly rounded corners.
 
         A brush of known length that leans, as after guiding, is turned upright about its tip before that.
-        Raises MotionFailed with UFACTORY's code, RobotDisconnected, or RobotStopped if it was stopped here or at
-        the arm. The arm is then stopped.
         """
-        self._interlock.require_ready(waypoints.label)
-        self._interlock.require_path(waypoints)
         started = time.monotonic()
-        try:
-            self._require_no_fault(waypoints.label, None)
-            self._require_ready(waypoints.label)
-            place = self._place(waypoints.label)
-            here = self._tip(place)
-            turning = self._turn_upright(here, place)
-            until = started + motion_timeout(waypoints.length, waypoints.speed)
-            until += motion_timeout(float(np.linalg.norm(waypoints.position[0] - here)), self.settings.approach)
-            until += 2 * _TURN_STEP * len(turning) / _TURNING
-            targets = [*turning, *map(self._upright, waypoints.position)]
-            pace = waypoints.speed * len(waypoints.position) / max(waypoints.length, _SHORT)  # waypoints per second
-            ahead = int(np.clip(_AHEAD_SECONDS * pace, _FEWEST, _AHEAD))
-            radii = self._blend(np.array([place, *targets])[:, :3] / 1000)
-            for number, (target, radius) in enumerate(zip(targets, radii, strict=True)):
-                if number and number % ahead == 0:
-                    self._await_room(waypoints.label, ahead)
-                self._send(waypoints, number - len(turning), target, radius)
-            self._wait(waypoints, until)
-            reached = self.pose()
-        except FridaError as error:
-            self._interlock.fault(error)
-            self._halt()
-            raise
-        return MotionReport(waypoints.label, started, time.monotonic(), reached)
-
-    def stop(self) -> None:
-        """Sets state 4 over the connection for stops: the arm stands and forgets its remaining motions."""
-        self._interlock.stop()
-        self._halt()
+        self._require_no_fault(waypoints.label, None)
+        self._require_ready(waypoints.label)
+        place = self._place(waypoints.label)
+        here = self._tip(place)
+        turning = self._turn_upright(here, place)
+        until = started + motion_timeout(waypoints.length, waypoints.speed)
+        until += motion_timeout(float(np.linalg.norm(waypoints.position[0] - here)), self.settings.approach)
+        until += 2 * _TURN_STEP * len(turning) / _TURNING
+        targets = [*turning, *map(self._upright, waypoints.position)]
+        pace = waypoints.speed * len(waypoints.position) / max(waypoints.length, _SHORT)  # waypoints per second
+        ahead = int(np.clip(_AHEAD_SECONDS * pace, _FEWEST, _AHEAD))
+        radii = self._blend(np.array([place, *targets])[:, :3] / 1000)
+        for number, (target, radius) in enumerate(zip(targets, radii, strict=True)):
+            if number and number % ahead == 0:
+                self._await_room(waypoints.label, ahead)
+            self._send(waypoints, number - len(turning), target, radius)
+        self._wait(waypoints, until)
+        return self.pose()
 
     def stop_line(self) -> StopLine | None:
         """Returns the connection for stops, over which another process can stop the arm too."""
@@ -601,7 +581,10 @@ class XarmRobot:
             )
 
     def _halt(self) -> None:
-        """Stops the arm over one connection; if that fails, over the other. Waits at most two seconds."""
+        """Sets state 4: the arm stands and forgets its motions. If one connection fails, over the other.
+
+        Waits at most two seconds.
+        """
         for connection in (self._stopper, self._arm):
             if connection is None:
                 continue
