@@ -114,10 +114,10 @@ DELETING = {
     "web/server.py": 1,  # the links of the studio that closes
     "web/stop.py": 2,  # its own key in the making, and the socket
     "web/store.py": 1,  # the folder of a painting, on a person's word
-    "web/studio_folder.py": 1,  # a lock
+    "web/studio_folder.py": 2,  # a lock, and pictures with random names for the page
     "web/telling.py": 2,  # numbered pictures for the page
-    "web/web_studio.py": 8,  # stop files
-    "web/worker.py": 3,  # a stop file, and pictures with random names for the page
+    "web/web_studio.py": 5,  # stop files
+    "web/worker.py": 1,  # a stop file
     "web/workers.py": 3,  # stop files
     "weights/cache.py": 5,  # downloads that are named by their hash, and their empty folder; the record
     "weights/sources.py": 3,  # downloads that are named by their hash; folders named by storage.PART

@@ -41,19 +41,13 @@ def add_lines(folder: Path, count: int) -> None:
         EventLog(folder / "log", FEED).append({"kind": "remark", "number": number})
 
 
-def add_commands(folder: Path, count: int) -> None:
-    for number in range(count):
-        commands.tell_painter(PaintingFolder(folder), commands.TakeTurns(number), "browser")
-    (folder / "log").unlink(missing_ok=True)
-    (folder / "log").symlink_to(folder / "commands.jsonl")
-
-
-def add_replies(folder: Path, count: int) -> None:
+def add_messages(folder: Path, count: int) -> None:
     for number in range(count):
         given = commands.Reply(question="0" * 16, length=number / 10)
-        commands.reply(PaintingFolder(folder), given, "browser")
+        said = given if number % 2 else commands.TakeTurns(number)
+        commands.tell_worker(PaintingFolder(folder), said, "browser")
     (folder / "log").unlink(missing_ok=True)
-    (folder / "log").symlink_to(folder / "replies.jsonl")
+    (folder / "log").symlink_to(folder / "inbox.jsonl")
 
 
 @dataclass(frozen=True)
@@ -67,8 +61,7 @@ USERS = {
     "journal": User(add_records, JOURNAL, 1),
     "studio": User(add_entries, simulation_log._POLICY, 1),
     "feed": User(add_lines, FEED),
-    "commands": User(add_commands, FEED),
-    "replies": User(add_replies, FEED),
+    "inbox": User(add_messages, FEED),
 }
 
 

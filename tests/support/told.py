@@ -36,6 +36,16 @@ PAINTED: list[dict[str, Any]] = [
     {"kind": "photograph_shown", "picture": "photograph-00000.jpg", "done": 3},
 ]
 PAUSED = {"kind": "paused", "reason": "It has paused.", "done": 3, "cause": "person"}
+PERSON: list[dict[str, Any]] = [
+    {
+        "kind": "person_may_paint",
+        "brushes": [
+            {"name": name, "light": wide / 4, "hard": wide} for name, wide in (("fine", 0.004), ("medium", 0.008))
+        ],
+        "wells": ["#c06030", "#203050"],
+    },
+    *({"kind": "person_stroke_painted", "number": number, "done": 3} for number in (1, 2)),
+]
 PROTECTED: list[dict[str, Any]] = [
     {"kind": "considering"},
     {"kind": "region_protected", "region": "regions/1.png", "only": False, "picture": "region-1.png"},

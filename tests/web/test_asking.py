@@ -8,10 +8,9 @@ import torch
 
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, PointCorners, Question
 from frida_painter.errors import ConfigError, Interrupted
-from frida_painter.event_log import LogReader
 from frida_painter.session.events import Answered, Asked
 from frida_painter.web import commands, painter
-from frida_painter.web.commands import LEAD_GOOD_FOR, Reply, parse_answer, reply
+from frida_painter.web.commands import LEAD_GOOD_FOR, Inbox, Reply, tell_worker
 from frida_painter.web.painter import MAX_ABSENCE, Asker, describe_question
 from frida_painter.web.stop import StopPressed, StopWatch
 from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
@@ -54,24 +53,22 @@ def test_a_question_waits_for_its_answer_and_no_other(
     waiting.start()
     shown = asked(folder)
     assert ("picture" in shown) == (getattr(question, "picture", None) is not None)
-    reply(folder, Reply.model_validate({"question": "0" * 16, **says}), "browser")
-    reply(folder, Reply.model_validate({"question": shown["id"]}), "browser")
+    tell_worker(folder, Reply.model_validate({"question": "0" * 16, **says}), "browser")
+    tell_worker(folder, Reply.model_validate({"question": shown["id"]}), "browser")
     waiting.join(0.2)
     assert waiting.is_alive(), "these were answers to something else, or none"
-    reply(folder, Reply.model_validate({"question": shown["id"], **says}), "browser")
+    tell_worker(folder, Reply.model_validate({"question": shown["id"], **says}), "browser")
     waiting.join(20)
     assert found == [means]
     assert FeedReader(folder.feed).read()[-1] == Answered()
 
 
 def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = {"id": "0" * 16, **describe_question(Confirm("Is it so?"))}
-    reply(folder, Reply(question="0" * 16, yes=True), "browser")
-    line = LogReader(folder.replies).read()[0]
-    assert parse_answer(line, "0" * 16, shown) is True
+    tell_worker(folder, Reply(question="0" * 16, yes=True), "browser")
+    assert len(Inbox(folder, 0.0).listen()) == 1
     now = time.time()
     monkeypatch.setattr(commands.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
-    assert parse_answer(line, "0" * 16, shown) is None
+    assert Inbox(folder, 0.0).listen() == []
 
 
 def test_stop_ends_a_question(folder: PaintingFolder) -> None:

@@ -1,6 +1,6 @@
 import math
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import pytest
 from pydantic import TypeAdapter, ValidationError
@@ -8,81 +8,85 @@ from pydantic import TypeAdapter, ValidationError
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.web import commands
 from frida_painter.web.commands import (
+    END_MAKING,
+    FINISH,
+    FREE,
+    GO_ON,
     LEAD_GOOD_FOR,
+    LOOK,
     MAX_POINTS,
+    PAUSE,
     ChangeGoal,
     Command,
-    CommandReader,
-    EndMaking,
-    FinishDrawing,
-    Free,
     GivePicture,
-    GoOn,
+    Inbox,
     LeaveOut,
-    LookAgain,
+    Message,
     PaintStroke,
-    Pause,
     Propose,
     Protect,
-    SentCommand,
     TakeTurns,
-    tell_painter,
+    tell_worker,
 )
 from frida_painter.web.studio_folder import PaintingFolder, PaintingRequest
 
 
+def heard(inbox: Inbox) -> list[Command | None]:
+    return [each.command for each in inbox.listen()]
+
+
 def test_each_command_is_heard_once(tmp_path: Path) -> None:
     folder = PaintingFolder(tmp_path)
-    listener = CommandReader(folder, 0.0)
-    tell_painter(folder, Pause(), "browser")
-    tell_painter(folder, TakeTurns(5), "browser")
-    assert listener.listen() == [Pause(), TakeTurns(5)]
-    assert listener.listen() == []
-    with EventLog(folder.commands, FEED) as log:
+    listener = Inbox(folder, 0.0)
+    tell_worker(folder, PAUSE, "browser")
+    tell_worker(folder, TakeTurns(5), "browser")
+    assert heard(listener) == [PAUSE, TakeTurns(5)]
+    assert heard(listener) == []
+    with EventLog(folder.inbox, FEED) as log:
         for record in log.found:
             log.append(record)
-    assert listener.listen() == [], "said again, and known already"
+    assert heard(listener) == [], "said again, and known already"
 
 
 def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = PaintingFolder(tmp_path)
-    tell_painter(folder, GoOn(), "browser")
+    tell_worker(folder, GO_ON, "browser")
     now = commands.time.time()
     monkeypatch.setattr(commands.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
-    assert CommandReader(folder, 0.0).listen() == []
+    assert heard(Inbox(folder, 0.0)) == []
     monkeypatch.setattr(commands.time, "time", lambda: now - 3600)
-    assert CommandReader(folder, 0.0).listen() == [], "the clock was set back"
+    assert heard(Inbox(folder, 0.0)) == [], "the clock was set back"
 
 
 def test_what_was_said_to_a_painter_is_not_done_again_by_the_next_one(tmp_path: Path) -> None:
     folder = PaintingFolder(tmp_path)
-    first = CommandReader(folder, commands.time.time())
-    tell_painter(folder, Pause(), "browser")
-    tell_painter(folder, GoOn(), "browser")
+    first = Inbox(folder, commands.time.time())
+    tell_worker(folder, PAUSE, "browser")
+    tell_worker(folder, GO_ON, "browser")
     assert len(first.listen()) == 2
-    following = CommandReader(folder, commands.time.time())
-    assert following.listen() == []
-    tell_painter(folder, Pause(), "browser")
-    assert following.listen() == [Pause()]
+    following = Inbox(folder, commands.time.time())
+    assert heard(following) == []
+    tell_worker(folder, PAUSE, "browser")
+    assert heard(following) == [PAUSE]
 
 
 POINT = (0.5, 0.5, 1.0, 0.0, 0.0, 0.0)
 REQUEST = {"terms": [{"kind": "image", "picture": "a" * 32}, {"kind": "text", "words": "sea"}], "strokes": 7}
 EACH: dict[str, tuple[dict[str, Any], Command]] = {
-    "pause": ({}, Pause()),
-    "go on": ({}, GoOn()),
-    "finish": ({}, FinishDrawing()),
-    "look": ({}, LookAgain()),
+    "pause": ({}, PAUSE),
+    "go on": ({}, GO_ON),
+    "finish": ({}, FINISH),
+    "look": ({}, LOOK),
     "leave out": ({"count": 3}, LeaveOut(3)),
     "turns": ({"count": 0}, TakeTurns(0)),
     "protect": ({"picture": "b" * 32, "only": True}, Protect("b" * 32, only=True)),
     "picture": ({"picture": "c" * 32}, GivePicture("c" * 32)),
-    "free": ({}, Free()),
+    "free": ({}, FREE),
     "paint": ({"brush": "fine", "paint": 1, "points": [[0.5, 0.5, 1, 0, 0, 0]]}, PaintStroke("fine", 1, (POINT,))),
     "propose": ({"words": "a stormy sea", "maker": "mine"}, Propose("a stormy sea", "mine")),
-    "end making": ({}, EndMaking()),
+    "end making": ({}, END_MAKING),
     "goal": ({"request": REQUEST}, ChangeGoal(PaintingRequest.model_validate(REQUEST))),
 }
 
@@ -92,12 +96,13 @@ def test_a_command_is_the_same_at_the_page_in_the_file_and_at_the_painter(tmp_pa
     more, means = EACH[kind]
     command: Command = TypeAdapter(Command).validate_python({"kind": kind, **more})
     assert command == means
-    tell_painter(PaintingFolder(tmp_path), command, "browser")
-    assert CommandReader(PaintingFolder(tmp_path), 0.0).listen() == [means]
+    tell_worker(PaintingFolder(tmp_path), command, "browser")
+    assert heard(Inbox(PaintingFolder(tmp_path), 0.0)) == [means]
 
 
 def test_every_kind_of_command_is_tested() -> None:
-    assert {each.kind for each in get_args(get_args(Command)[0])} == set(EACH)
+    kinds = [get_type_hints(each)["kind"] for each in get_args(get_args(Command)[0])]
+    assert {name for kind in kinds for name in get_args(kind)} == set(EACH)
 
 
 @pytest.mark.parametrize(
@@ -114,13 +119,13 @@ def test_every_kind_of_command_is_tested() -> None:
 )  # fmt: skip
 def test_what_is_no_command_is_left_out(tmp_path: Path, changes: dict[str, Any]) -> None:
     folder = PaintingFolder(tmp_path)
-    tell_painter(folder, LookAgain(), "browser")
-    (record,) = EventLog.read(folder.commands, FEED)
-    assert SentCommand.model_validate(record).command == LookAgain()
-    folder.commands.unlink()
-    with EventLog(folder.commands, FEED) as log:
+    tell_worker(folder, LOOK, "browser")
+    (record,) = EventLog.read(folder.inbox, FEED)
+    assert Message.model_validate(record).command == LOOK
+    folder.inbox.unlink()
+    with EventLog(folder.inbox, FEED) as log:
         log.append({**record, **changes})
-    assert CommandReader(folder, 0.0).listen() == []
+    assert heard(Inbox(folder, 0.0)) == []
 
 
 @pytest.mark.parametrize(

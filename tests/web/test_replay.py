@@ -7,30 +7,16 @@ from typing import Any
 import pytest
 import torch
 
-from frida_painter import images
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
-from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.spec import RunSpec
-from frida_painter.session.controls import Controls
-from frida_painter.session.events import (
-    Event,
-    Finishing,
-    LookShown,
-    PaintingKept,
-    PaintingStarted,
-    Paused,
-    PlanRequested,
-    Stopped,
-    StrokePainted,
-    TakenUp,
-)
+from frida_painter.session import events
+from frida_painter.session.events import Event
 from frida_painter.session.journal import History, Journal
 from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import load_kept_plan
 from frida_painter.session.time_left import RemainingTime
-from frida_painter.web.commands import GoOn, LookAgain, tell_painter
+from frida_painter.web.commands import GO_ON, LOOK, tell_worker
 from frida_painter.web.painter import PauseController
 from frida_painter.web.painting_state import PaintingState, Truth
 from frida_painter.web.stop import StopWatch
@@ -77,15 +63,15 @@ class Sitting(SessionSetup):
         self.controller.hear(event)
         self.page.look()
 
-    def _answer(self, paused: Paused) -> bool:
+    def _answer(self, paused: events.Paused) -> bool:
         super()._answer(paused)
-        for command in (LookAgain(), GoOn()):
-            tell_painter(self.controller.folder, command, "browser")
+        for command in (LOOK, GO_ON):
+            tell_worker(self.controller.folder, command, "browser")
         return self.controller.go_on(paused)
 
 
 def after(stroke: int) -> Any:
-    return lambda event: isinstance(event, StrokePainted) and event.done == stroke
+    return lambda event: isinstance(event, events.StrokePainted) and event.done == stroke
 
 
 @pytest.mark.slow
@@ -97,8 +83,8 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(bare, STROKES, 1, lambda step: None)
 
-    feed.tell(PlanRequested(1, {"strokes": STROKES}))
-    feed.tell(PaintingStarted(1, STROKES))
+    feed.tell(events.PlanRequested(1, {"strokes": STROKES}))
+    feed.tell(events.PaintingStarted(1, STROKES))
     journal = Journal.begin(folder.painting, {}, {})
     first = Sitting(
         STROKES,
@@ -116,7 +102,7 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     assert page.state.to_plain(Truth(working=False))["painting"]["status"] == "stopped"
 
     journal, history = Journal.reopen(folder.painting)
-    feed.tell(TakenUp(history.painted))
+    feed.tell(events.TakenUp(history.painted))
     kept = load_kept_plan(folder.painting, history)
     assert kept is not None and history.painted == STOP_AFTER
     journal.record_resume(history, repaint=False)
@@ -125,8 +111,8 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     now = second.session.look()
     where = ResumeState(kept.plan, history.painted, kept.planning.done, None, now)
     assert second.session.resume(where).painted == STROKES
-    feed.tell(Finishing())
-    feed.tell(PaintingKept(film=False))
+    feed.tell(events.Finishing())
+    feed.tell(events.PaintingKept(film=False))
     page.look()
     journal.close()
 
@@ -143,58 +129,22 @@ def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Pa
     assert page.shown[-1][1]["painting"]["done"] == STROKES
     history = Journal.reopen(folder.painting)[1]
     assert isinstance(history, History) and history.finished and history.painted == STROKES
-    assert isinstance(first.heard[-1], Stopped)
+    assert isinstance(first.heard[-1], events.Stopped)
 
 
-MADE_ANEW = {"painting.png", "now.png", "target.jpg", "plan.png", "palette.png", "mixing.png"}
-"""Pictures of what is so now; all others belong to a moment, and stay."""
-
-
-def pictures(folder: Path) -> dict[Path, bytes]:
-    found = (path for path in folder.rglob("*") if path.suffix in (".png", ".jpg") and path.name not in MADE_ANEW)
-    return {path: path.read_bytes() for path in found}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("camera", ["", "none"])
-def test_a_painting_that_is_resumed_twice_overwrites_no_picture(
-    tmp_path: Path, small_world: None, monkeypatch: pytest.MonkeyPatch, camera: str
-) -> None:
-    """What the page and the folder show of a moment stays what it was; a card names the look that it shows."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    monkeypatch.setattr("frida_painter.web.telling._KEPT", 10**6)  # else the oldest live photographs are removed
-    images.save(torch.rand(3, 60, 80), tmp_path / "photo.jpg")
-    folder = PaintingFolder(tmp_path / "studio")
-    (folder.path / "live").mkdir(parents=True)
-    small = {
-        "replans": 0 if camera else 8,
-        "canvas": "12x9cm",
-        "fit": "crop",
-        "render_height": 64,
-        "effort": 0.05,
-        "brushes": "fine",
-        "colors": 2,
-    }
-    spec = RunSpec.of(goal=[{"image": str(tmp_path / "photo.jpg")}], strokes=9, camera=camera, **small)
-    before: dict[Path, bytes] = {}
-    for sitting, until in enumerate((3, 6, 99)):
-        painting = folder.painting
-        with PaintingRun.reopen(painting) if sitting else PaintingRun(spec, painting) as run:
-            run.open_easel()
-            left = run.estimate_time(0.0)
-            reporter = Reporter(Feed(folder), folder, run.planner.models, run.planner.size, left)
-            run.listeners.append(reporter.hear)
-            run.controls = Controls(
-                stop_asked=lambda until=until, seen=reporter: seen.done >= until,
-                paint_on=lambda difference, canvas: True,
-            )
-            outcome = run.resume() if sitting else run.start()
-        assert outcome.painting is not None and outcome.painting.painted == min(until, 9)
-        now = pictures(folder.path)
-        gone = {path for path in before if path not in now}
-        assert all("growing-" in path.name for path in gone), "of a growing plan, the newest are kept"
-        assert {path.name for path in before if path not in gone and now[path] != before[path]} == set(), sitting
-        assert len(now) > len(before)
-        before = now
-    looks = [event for event in FeedReader(folder.feed).read() if isinstance(event, LookShown)]
-    assert len({look.seen for look in looks}) == len(looks), "each card has a picture of its own"
+def test_a_painter_that_takes_up_a_painting_overwrites_no_picture(tmp_path: Path) -> None:
+    """What the page shows of a moment stays what it was; a card names the look that it shows."""
+    folder = PaintingFolder(tmp_path)
+    folder.live.mkdir()
+    kept: dict[str, bytes] = {}
+    for sitting in (0.2, 0.8):
+        time_left = RemainingTime(STROKES, EvenlySpaced(1), 0.0, planning=4, replanning=4)
+        reporter = Reporter(Feed(folder), folder, {}, CANVAS, time_left)
+        seen = torch.full((3, 24, 32), sitting)
+        reporter.hear(events.TimelapseFrame(seen, 2, STROKES, (0.0, 0.0, 0.0)))
+        reporter.hear(events.Looked(seen, seen, 2))
+        now = {path.name: path.read_bytes() for path in folder.live.iterdir()}
+        assert len(now) > len(kept) and kept.items() <= now.items()
+        kept = now
+    looks = [event for event in FeedReader(folder.feed).read() if isinstance(event, events.LookShown)]
+    assert len({look.seen for look in looks}) == 2, "each card has a picture of its own"

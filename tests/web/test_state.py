@@ -5,9 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.session.events import Failed, Stopped, TeachingStarted, TouchCorrected, Written, events_of
-from frida_painter.session.setup_events import SetupStarted
-from frida_painter.web.jobs import Setup, Teaching
+from frida_painter.session.events import TouchCorrected, Written, events_of
 from frida_painter.web.painting_state import PaintingState, Stage, Truth, tell_status
 
 AT_WORK, AT_REST = Truth(working=True), Truth(working=False)
@@ -234,30 +232,3 @@ def test_dips_into_each_well_are_counted_and_strokes_since_the_last() -> None:
     lines = [begun, first, strokes[0], third, strokes[1], strokes[2], third, strokes[3]]
     painting = told(*PLANNED, *lines).to_plain(AT_WORK)["painting"]
     assert (painting["paint"], painting["dips"], painting["since_dip"]) == (2, {0: 1, 2: 2}, 1)
-
-
-@pytest.mark.parametrize(
-    ("state", "begun", "remedy"),
-    [
-        (Setup(), SetupStarted(), "Continue the setup."),
-        (Teaching(), TeachingStarted("hook"), "Teach it again."),
-    ],
-    ids=["setup", "teaching"],
-)
-def test_a_process_that_ended_without_a_word_is_told_with_its_remedy(
-    state: Setup | Teaching, begun: Written, remedy: str
-) -> None:
-    def trouble(truth: Truth) -> str:
-        return str(state.to_plain(truth)["trouble"])
-
-    assert trouble(AT_REST) == ""  # nothing was begun
-    state.hear(begun)
-    assert trouble(AT_WORK) == ""
-    told = trouble(AT_REST)
-    assert "without saying why. It may have been killed" in told and told.endswith(f" {remedy}")
-    assert "The studio's disk is full: make room first." in trouble(Truth(working=False, room=False))
-    state.hear(Failed("The disk is full."))
-    assert trouble(AT_REST) == "The disk is full."
-    state.hear(begun)
-    state.hear(Stopped())
-    assert trouble(AT_REST) == ""

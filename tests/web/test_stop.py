@@ -24,20 +24,34 @@ from frida_painter.web.studio_folder import PaintingFolder
 from served import PATIENCE, Served, Work, end_listener, open_studio
 
 
-@pytest.fixture
-def studio(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Served]:
-    folder = tmp_path / "paintings"
-    served = open_studio(folder, files=getattr(request, "param", None))
-    yield served
-    served.kill()
-    end_listener(folder)
+@pytest.fixture(scope="module")
+def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    """A studio for all tests that leave it open."""
+    with opened(tmp_path_factory.mktemp("studio") / "paintings") as served:
+        yield served
+
+
+@contextlib.contextmanager
+def opened(folder: Path, files: int | None = None) -> Iterator[Served]:
+    served = open_studio(folder, files=files)
+    try:
+        yield served
+    finally:
+        served.kill()
+        end_listener(folder)
+
+
+@contextlib.contextmanager
+def at_work(studio: Served) -> Iterator[Work]:
+    working = Work(PaintingStore(studio.folder))
+    yield working
+    working.lock.release()
 
 
 @pytest.fixture
 def work(studio: Served) -> Iterator[Work]:
-    working = Work(PaintingStore(studio.folder))
-    yield working
-    working.lock.release()
+    with at_work(studio) as working:
+        yield working
 
 
 def press_way(host: str, way: dict[str, Any], *, origin: str | None = None) -> dict[str, Any]:
@@ -70,14 +84,14 @@ def test_a_stop_is_heard_by_line_and_leaves_files_and_a_record(studio: Served, w
     while True:
         with closing(sqlite3.connect(studio.folder / "studio.sqlite")) as base:
             by = {by for (by,) in base.execute("SELECT by FROM deed WHERE what = 'stop'")}
-        if by == {"operate", "bearer-watch"}:
+        if by >= {"operate", "bearer-watch"}:
             break
         assert time.monotonic() < deadline
         time.sleep(0.05)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("after", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("after", [0.0, 2.0])
 def test_a_planner_ends_at_once_at_every_moment_of_its_loading(studio: Served, after: float) -> None:
     Image.new("RGB", (64, 48), (200, 120, 60)).save(studio.folder / "pictures" / f"{'a' * 32}.png")
     request = {"terms": [{"kind": "image", "picture": "a" * 32}], "strokes": 300}
@@ -120,10 +134,9 @@ def raw_get(studio: Served, path: str) -> socket.socket:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("studio", [200], indirect=True)
-def test_half_open_connections_keep_nobody_out(studio: Served, work: Work) -> None:
-    way = studio.way
-    with contextlib.ExitStack() as stack:
+def test_half_open_connections_keep_nobody_out(tmp_path: Path) -> None:
+    with opened(tmp_path / "paintings", files=200) as studio, at_work(studio) as work, contextlib.ExitStack() as stack:
+        way = studio.way
         for number in range(300):
             for port in (studio.port, way["port"]):
                 half = stack.enter_context(socket.create_connection((studio.host, port), timeout=PATIENCE))
@@ -142,16 +155,22 @@ def test_what_waits_for_a_request_is_cut(studio: Served) -> None:
 
 
 @pytest.mark.slow
-def test_an_old_page_stops_while_the_studio_is_gone_and_after_it_was_opened_again(studio: Served, work: Work) -> None:
-    way = studio.way
-    studio.kill()
-    require_stopped(studio, work, way)
-    again = open_studio(studio.folder, port=studio.port)
-    try:
-        assert again.way["port"] == way["port"], "the one that listens is taken over"
-        assert press_way(again.host, way)["stopped"] == 1
-    finally:
-        again.kill()
+def test_an_old_page_stops_while_the_studio_is_gone_and_after_it_was_opened_again(tmp_path: Path) -> None:
+    """In a folder with a long name: addresses of local sockets are short, folders need not be."""
+    with opened(tmp_path / ("a long name " * 12)) as studio, at_work(studio) as work:
+        way = studio.way
+        deadline = time.monotonic() + 20
+        while press_way(studio.host, way)["heard"] != 1:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        studio.kill()
+        require_stopped(studio, work, way)
+        again = open_studio(studio.folder, port=studio.port)
+        try:
+            assert again.way["port"] == way["port"], "the one that listens is taken over"
+            assert press_way(again.host, way)["stopped"] == 1
+        finally:
+            again.kill()
 
 
 @pytest.mark.slow
@@ -172,10 +191,10 @@ def test_a_listener_that_was_killed_is_started_again_on_its_port(studio: Served,
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1.evil.example"])
-def test_other_pages_and_wrong_secrets_stop_nothing(studio: Served, work: Work, origin: str) -> None:
+def test_other_pages_and_wrong_secrets_stop_nothing(studio: Served, work: Work) -> None:
     way = studio.way
-    assert "stopped" not in press_way(studio.host, way, origin=origin)
+    for origin in ("http://evil.example", "null", "http://127.0.0.1.evil.example"):
+        assert "stopped" not in press_way(studio.host, way, origin=origin)
     for wrong in ("", "guess", way["secret"][:-1], way["secret"].replace("operate", "watch")):
         assert "stopped" not in press_way(studio.host, {**way, "secret": wrong})
     connection = HTTPConnection(studio.host, way["port"], timeout=PATIENCE)
@@ -197,23 +216,6 @@ def test_secrets_end_a_watchers_before_an_operators(tmp_path: Path, monkeypatch:
     assert again.role(secret[Role.watch]) is None and again.role(secret[Role.operate]) is Role.operate
     monkeypatch.setattr(time, "time", lambda: now + 31 * 86400)
     assert again.role(secret[Role.operate]) is None
-
-
-@pytest.mark.slow
-def test_a_worker_in_a_folder_of_any_name_hears(tmp_path: Path) -> None:
-    """Addresses of local sockets are short; folders need not be."""
-    folder = tmp_path / ("a long name " * 12)
-    served = open_studio(folder)
-    try:
-        work = Work(PaintingStore(folder))
-        deadline = time.monotonic() + 20
-        while press_way(served.host, served.way)["heard"] != 1:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
-        work.lock.release()
-    finally:
-        served.kill()
-        end_listener(folder)
 
 
 def test_no_stop_file_or_line_needs_the_other(tmp_path: Path) -> None:

@@ -1,6 +1,4 @@
-import json
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -8,8 +6,6 @@ from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import example
 from frida_painter.runs.painting_easel import order
-from frida_painter.web import web_app_easel as workspace_canvas
-from frida_painter.web import workspace_reader
 from frida_painter.web.painter import Asker
 from frida_painter.web.stop import StopWatch
 from frida_painter.web.studio_folder import Feed, PaintingFolder, PaintingRequest
@@ -32,7 +28,7 @@ def test_what_cannot_paint_is_refused_before_the_page_opens(tmp_path: Path, robo
 def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dangerous: bool) -> None:
     easel = WebAppEasel(tmp_path / "record.json", robot, "opencv:0", tmp_path / "easel.toml", 0.5)
     assert (easel.simulated, easel.drives_machine) == (simulated, dangerous)
-    assert WebAppEasel.take(json.loads(json.dumps(easel.plain()))) == easel
+    assert WebAppEasel.from_json(easel.to_json()) == easel
     folder = PaintingFolder(tmp_path)
     feed, stop = Feed(folder), StopWatch(folder.stop, folder.path.parent)
     plan = folder.begin_plan(PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
@@ -43,18 +39,12 @@ def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dan
 
 
 @pytest.mark.slow
-def test_the_canvas_is_the_one_of_the_workspace_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_canvas_is_the_one_of_the_workspace_file(tmp_path: Path) -> None:
     file = tmp_path / "easel.toml"
     file.write_text(example().replace("width = 0.3556", "width = 0.3"))
     easel = WebAppEasel(tmp_path / "record.json", "xarm:10.0.0.1", "opencv:0", file).validate()
     assert easel.canvas == pytest.approx((300, 279.4))
     file.write_text("canvas = 3")
-    monkeypatch.setattr("sys.argv", ["workspace_reader", str(file)])
-    workspace_reader.main()
-    printed = capsys.readouterr().out
-    monkeypatch.setattr(workspace_canvas.python_process, "run", lambda *_, **__: SimpleNamespace(stdout=printed))
     with pytest.raises(ConfigError, match="is no workspace"):
         easel.validate()
 

@@ -1,4 +1,3 @@
-import json
 import os
 import re
 import sys
@@ -95,7 +94,7 @@ def test_the_page_is_told_whose_part_failed(
     folder = PaintingFolder(tmp_path / "painting")
     folder.path.mkdir()
     lock = os.open(tmp_path, os.O_RDONLY)
-    easel = json.dumps(WebAppEasel(tmp_path / "record.json").plain())
+    easel = WebAppEasel(tmp_path / "record.json").to_json()
     monkeypatch.setattr(sys, "argv", ["worker", "paint", str(folder.path), "1", str(lock), easel])
     with pytest.raises(ValueError, match="no goal"):
         worker_process.main()

@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import jinja2
 from markupsafe import Markup
@@ -12,10 +11,6 @@ from markupsafe import Markup
 from frida_painter import storage
 from frida_painter.report.sheets import sheet_file
 from frida_painter.report.story import Phase, Story
-
-if TYPE_CHECKING:
-    pass
-
 
 # Loss curve as inline SVG: no script, readable in light and dark mode, described for screen readers.
 

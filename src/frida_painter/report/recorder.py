@@ -24,20 +24,8 @@ from frida_painter.report.film import FilmWriter, Sketchbook
 from frida_painter.report.page import write_page
 from frida_painter.report.sheets import RecipeSheets, difference
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
-from frida_painter.session.events import (
-    Dipped,
-    Event,
-    GoalChanged,
-    Looked,
-    Planned,
-    PlanningStep,
-    Resumed,
-    Scheduled,
-    Stopped,
-    StrokeLeftOut,
-    TimelapseFrame,
-    TouchCorrected,
-)
+from frida_painter.session import events
+from frida_painter.session.events import Event
 from frida_painter.session.journal import History
 from frida_painter.session.progress import Painting
 from frida_painter.storage import count_of
@@ -86,7 +74,7 @@ class Recorder:
     _plan: Plan | None = field(default=None, init=False)
     _first_expected: Tensor | None = field(default=None, init=False)
     _looks: list[Look] = field(default_factory=list, init=False)
-    _seen: Looked | None = field(default=None, init=False)
+    _seen: events.Looked | None = field(default=None, init=False)
     _phases: list[Phase] = field(default_factory=list, init=False)
     _curve: list[tuple[int, float]] = field(default_factory=list, init=False)
     _dips: int = field(default=0, init=False)
@@ -101,7 +89,7 @@ class Recorder:
     _expected_seconds: float | None = field(default=None, init=False)
     _forecasts: list[tuple[int, SimilarityForecast]] = field(default_factory=list, init=False)  # by strokes
     _touch: dict[str, str] = field(default_factory=dict, init=False)  # latest correction, by brush
-    _goals: list[GoalChanged] = field(default_factory=list, init=False)
+    _goals: list[events.GoalChanged] = field(default_factory=list, init=False)
 
     def __enter__(self) -> Self:
         self._started = time.monotonic()
@@ -119,10 +107,7 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        try:
-            self._finish_film()
-        except StorageError:
-            self._left_out += 1
+        self._end_film()
         self._sheets.finish()
 
     def hear(self, event: Event) -> None:
@@ -134,31 +119,31 @@ class Recorder:
 
     def _keep(self, event: Event) -> None:
         match event:
-            case PlanningStep(iteration=iteration, loss=loss):
+            case events.PlanningStep(iteration=iteration, loss=loss):
                 self._curve.append((iteration, loss))
-            case Planned():
+            case events.Planned():
                 self._keep_plan(event)
-            case Resumed():
+            case events.Resumed():
                 self._keep_on(event)
-            case Scheduled(timetable=timetable, done=done) if done == 0 or self._expected_seconds is None:
+            case events.Scheduled(timetable=timetable, done=done) if done == 0 or self._expected_seconds is None:
                 self._expected_seconds = timetable.total
                 self._keep_story()
-            case Dipped(cleaned=cleaned):
+            case events.Dipped(cleaned=cleaned):
                 self._dips += 1
                 self._cleanings += int(cleaned)
-            case TimelapseFrame():
+            case events.TimelapseFrame():
                 before, self._in_hand = self._in_hand, self._thread.submit(self._keep_timelapse_frame, event)
                 if before is not None:
                     before.result()
-            case Looked():
+            case events.Looked():
                 self._seen = event
-            case TouchCorrected(brush=brush):
+            case events.TouchCorrected(brush=brush):
                 self._touch[brush] = event.sentence
-            case StrokeLeftOut(done=done):
+            case events.StrokeLeftOut(done=done):
                 self._strokes_left_out.append(done)
-            case GoalChanged():
+            case events.GoalChanged():
                 self._goals.append(event)
-            case Stopped():
+            case events.Stopped():
                 self._stopped = True
             case _:
                 pass
@@ -169,10 +154,7 @@ class Recorder:
         Returns None if the work was stopped before there was a plan: then there is nothing to tell. Raises
         StorageError.
         """
-        try:
-            self._finish_film()
-        except StorageError:
-            self._left_out += 1
+        self._end_film()
         self._recipes, left_out = self._sheets.finish()
         self._left_out += left_out
         if self._plan is None or self._first_expected is None:
@@ -188,7 +170,7 @@ class Recorder:
         self._write_result(self._plan, painting, comparisons)
         return page
 
-    def _keep_plan(self, event: Planned) -> None:
+    def _keep_plan(self, event: events.Planned) -> None:
         """Stores the whole plan: the painted strokes, then the remaining ones."""
         name = f"plan for {len(event.plan)} strokes" if event.done == 0 else f"after {event.done} strokes"
         self._phases.append(Phase(name, tuple(self._curve)))
@@ -210,7 +192,7 @@ class Recorder:
     def _keep_story(self) -> None:
         self._sketchbook.keep_story(self._looks, self._phases, self._expected_seconds)
 
-    def _keep_on(self, event: Resumed) -> None:
+    def _keep_on(self, event: events.Resumed) -> None:
         """Continues film and story of an earlier run."""
         self._plan = event.plan
         self._sheets.renew(event.plan)
@@ -223,19 +205,22 @@ class Recorder:
             red, green, blue = event.plan.strokes.color[stroke - 1].tolist()
             self._show(picture, stroke / len(event.plan), (red, green, blue))
 
-    def _keep_timelapse_frame(self, frame: TimelapseFrame) -> None:
+    def _keep_timelapse_frame(self, frame: events.TimelapseFrame) -> None:
         self._sketchbook.keep_timelapse_frame(frame.done, frame.photograph)
         self._show(frame.photograph, frame.done / frame.of, frame.color)
 
-    def _finish_film(self) -> None:
+    def _end_film(self) -> None:
         """Waits for the frame in progress, and closes the film."""
         in_hand, self._in_hand = self._in_hand, None
         try:
-            if in_hand is not None:
-                in_hand.result()
-        finally:
-            self._thread.shutdown()
-            self._film.__exit__(None, None, None)
+            try:
+                if in_hand is not None:
+                    in_hand.result()
+            finally:
+                self._thread.shutdown()
+                self._film.__exit__(None, None, None)
+        except StorageError:
+            self._left_out += 1
 
     def _show(self, picture: Tensor, done: float, color: tuple[float, float, float]) -> None:
         """Adds a picture at a share of the strokes to the film, unless an earlier write failed."""
@@ -250,7 +235,7 @@ class Recorder:
     def _runs(self) -> int:
         return 1 if self.before is None else self.before.runs + int(not self.before.finished)
 
-    def _keep_look(self, seen: Looked, planned: Planned) -> Look:
+    def _keep_look(self, seen: events.Looked, planned: events.Planned) -> Look:
         number = storage.next_number(self.folder, "look-")
         rows, columns = seen.expected.shape[1:]
         pictures = {

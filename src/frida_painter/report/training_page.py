@@ -3,7 +3,6 @@
 import base64
 import io
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -18,10 +17,6 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.report.chart import Series, chart
 from frida_painter.report.page import template
 from frida_painter.teaching.evaluation import Learned
-
-if TYPE_CHECKING:
-    pass
-
 
 _MAX_SHOWN = 24
 _BATCH = 32

@@ -4,9 +4,18 @@ import secrets
 import time
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, StrictBool, TypeAdapter, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StrictBool,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 
 from frida_painter.easel.dialogue import Answer, Corners, EnterAddress, GuideMove, JogMove
 from frida_painter.errors import ConfigError, Interrupted
@@ -40,31 +49,22 @@ class _Command:
 
 
 @dataclass(frozen=True)
-class Pause(_Command):
-    """Command to finish the stroke, clean the brush, move the arm home and wait."""
+class Simple(_Command):
+    """Command without details.
 
-    kind: Literal["pause"] = "pause"
+    pause: finish the stroke, clean the brush, move the arm home and wait.
+    go on: end the pause.
+    finish: finish a painting without a goal as it is.
+    look: look at the canvas and replan the rest.
+    free: end the protection of a region.
+    end making: end the making of pictures, and no other work.
+    """
 
-
-@dataclass(frozen=True)
-class GoOn(_Command):
-    """Command to end the pause."""
-
-    kind: Literal["go on"] = "go on"
-
-
-@dataclass(frozen=True)
-class FinishDrawing(_Command):
-    """Command to finish a painting without a goal as it is."""
-
-    kind: Literal["finish"] = "finish"
+    kind: Literal["pause", "go on", "finish", "look", "free", "end making"]
 
 
-@dataclass(frozen=True)
-class LookAgain(_Command):
-    """Command to look at the canvas and replan the rest."""
-
-    kind: Literal["look"] = "look"
+PAUSE, GO_ON, FINISH, LOOK = Simple("pause"), Simple("go on"), Simple("finish"), Simple("look")
+FREE, END_MAKING = Simple("free"), Simple("end making")
 
 
 @dataclass(frozen=True)
@@ -114,13 +114,6 @@ class GivePicture(_Command):
 
 
 @dataclass(frozen=True)
-class Free(_Command):
-    """Command to end the protection of a region."""
-
-    kind: Literal["free"] = "free"
-
-
-@dataclass(frozen=True)
 class ChangeGoal(_Command):
     """Command to paint towards the goals of another request; canvas, brush and paints stay."""
 
@@ -139,13 +132,6 @@ class Propose(_Command):
     words: PlainWords
     maker: MakerLabel
     kind: Literal["propose"] = "propose"
-
-
-@dataclass(frozen=True)
-class EndMaking(_Command):
-    """Command to end the making of pictures, and no other work."""
-
-    kind: Literal["end making"] = "end making"
 
 
 IN_A_PAUSE = "The robot is painting, and this can be done only in a pause: press Pause, wait, then ask for it again."
@@ -194,19 +180,7 @@ class PaintStroke(_Command):
 
 
 Command = Annotated[
-    Pause
-    | GoOn
-    | FinishDrawing
-    | LookAgain
-    | LeaveOut
-    | TakeTurns
-    | Protect
-    | GivePicture
-    | Free
-    | ChangeGoal
-    | Propose
-    | EndMaking
-    | PaintStroke,
+    Simple | LeaveOut | TakeTurns | Protect | GivePicture | ChangeGoal | Propose | PaintStroke,
     Field(discriminator="kind"),
 ]
 
@@ -242,63 +216,6 @@ def describe(command: Command) -> str:
             return f"paint with the {brush} brush and paint {paint + 1}, {len(points)} points"
         case _:
             return command.kind
-
-
-# File of commands from the page: each command is good once and for seconds, and the file only grows.
-#
-# So no command is done twice. A command that the painter missed is not done later, when nobody expects it.
-
-
-class SentCommand(BaseModel):
-    """Command on its way to the painter.
-
-    nonce: random text that is used once.
-    until: end of its validity, seconds since 1970.
-    by: id of the browser.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    nonce: str = Field(strict=True, min_length=16, max_length=64)
-    until: float = Field(strict=True, allow_inf_nan=False)
-    by: str = Field(strict=True, max_length=64)
-    command: Command
-
-
-def tell_painter(folder: PaintingFolder, command: Command, by: str) -> None:
-    """Writes a command for the painter. Raises StorageError."""
-    sent = SentCommand(nonce=secrets.token_hex(16), until=time.time() + LEAD_GOOD_FOR, by=by, command=command)
-    writer = EventLog(folder.commands, FEED)
-    try:
-        writer.append(sent.model_dump(mode="json"))
-    finally:
-        writer.close()
-
-
-class CommandReader:
-    """Reads the commands on the painter's side; each valid command once.
-
-    since: start of this painter, seconds since 1970; earlier commands were for the one before it.
-    """
-
-    def __init__(self, folder: PaintingFolder, since: float) -> None:
-        self._since = since
-        self._reader = LogReader(folder.commands)
-        self._heard: set[str] = set()
-
-    def listen(self) -> list[Command]:
-        """Returns new commands in order, without invalid, late or earlier ones."""
-        found = [each for line in self._reader.read() if (each := self._parse(line)) is not None]
-        self._heard |= {each.nonce for each in found}
-        return [each.command for each in found]
-
-    def _parse(self, line: dict[str, Any]) -> SentCommand | None:
-        try:
-            sent = SentCommand.model_validate(line)
-        except ValidationError:
-            return None
-        good = max(time.time(), self._since + LEAD_GOOD_FOR) <= sent.until <= time.time() + LEAD_GOOD_FOR
-        return sent if good and sent.nonce not in self._heard else None
 
 
 # Answers to a worker's question, checked by the page's process and again by the worker.
@@ -381,44 +298,82 @@ class Reply(BaseModel):
         raise ConfigError("This is no answer to what is asked; reload the page.")
 
 
-class _Sent(BaseModel):
-    """Reply on its way to the worker.
+# Inbox of a worker: each message is good once and for seconds, and the file only grows.
+#
+# So nothing is done twice. A message that the worker missed is not heeded later, when nobody expects it.
 
+
+class Message(BaseModel):
+    """What a person says on the page, on its way to the worker: a command, or the answer to a question.
+
+    nonce: random text that is used once.
     until: end of its validity, seconds since 1970.
+    by: id of the browser.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    model_config = ConfigDict(extra="forbid", frozen=True)
 
-    until: float = Field(allow_inf_nan=False)
-    by: str = Field(max_length=64)
-    reply: Reply
+    nonce: str = Field(strict=True, min_length=16, max_length=64)
+    until: float = Field(strict=True, allow_inf_nan=False)
+    by: str = Field(strict=True, max_length=64)
+    command: Command | None = None
+    reply: Reply | None = None
+
+    @model_validator(mode="after")
+    def _is_one_thing(self) -> Self:
+        if (self.command is None) == (self.reply is None):
+            raise ValueError("A message is either a command or an answer.")
+        return self
 
 
-def reply(folder: PaintingFolder, answer: Reply, by: str) -> None:
-    """Writes a person's reply for the worker. Raises StorageError."""
-    writer = EventLog(folder.replies, FEED)
-    try:
-        writer.append(_Sent(until=time.time() + LEAD_GOOD_FOR, by=by, reply=answer).model_dump(mode="json"))
-    finally:
-        writer.close()
+def tell_worker(folder: PaintingFolder, said: Command | Reply, by: str) -> None:
+    """Writes a command or an answer for the worker. Raises StorageError."""
+    what = {"reply": said} if isinstance(said, Reply) else {"command": said}
+    until = time.time() + LEAD_GOOD_FOR
+    message = Message.model_validate({"nonce": secrets.token_hex(16), "until": until, "by": by, **what})
+    with EventLog(folder.inbox, FEED) as log:
+        log.append(message.model_dump(mode="json", exclude_none=True))
 
 
-def parse_answer(line: dict[str, Any], number: str, asked: dict[str, Any]) -> Answer | None:
-    """Returns the answer of a line to question `number`; None if it is not valid or too late.
+class Inbox:
+    """Reads the messages on the worker's side; each valid one once.
+
+    since: moment from which on they count, seconds since 1970; earlier ones were for another worker or question.
+    """
+
+    def __init__(self, folder: PaintingFolder, since: float) -> None:
+        self._since = since
+        self._reader = LogReader(folder.inbox)
+        self._heard: set[str] = set()
+
+    def listen(self) -> list[Message]:
+        """Returns new messages in order, without invalid, late or earlier ones."""
+        found = [each for line in self._reader.read() if (each := self._parse(line)) is not None]
+        self._heard |= {each.nonce for each in found}
+        return found
+
+    def _parse(self, line: dict[str, Any]) -> Message | None:
+        try:
+            sent = Message.model_validate(line)
+        except ValidationError:
+            return None
+        good = max(time.time(), self._since + LEAD_GOOD_FOR) <= sent.until <= time.time() + LEAD_GOOD_FOR
+        return sent if good and sent.nonce not in self._heard else None
+
+
+def accept_reply(given: Reply | None, number: str, asked: dict[str, Any]) -> Answer | None:
+    """Returns the answer to question `number`; None if it is none.
 
     Raises Interrupted if the person leaves a dialogue that may be left.
     """
-    try:
-        sent = _Sent.model_validate(line)
-        leaves = sent.reply.leave and asked.get("leave") is True
-        answer = False if leaves else sent.reply.answering(asked["kind"], asked)
-    except (ValidationError, ConfigError):
+    if given is None or given.question != number:
         return None
-    if not (time.time() <= sent.until <= time.time() + LEAD_GOOD_FOR and sent.reply.question == number):
-        return None
-    if leaves:
+    if given.leave and asked.get("leave") is True:
         raise Interrupted("You left; what was done before is kept.")
-    return answer
+    try:
+        return given.answering(asked["kind"], asked)
+    except ConfigError:
+        return None
 
 
 def _within(corners: list[list[float]], asked: dict[str, Any]) -> Corners:

@@ -16,13 +16,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, Self
 
-from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from frida_painter import locks
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.web.commands import Role
-from frida_painter.web.security import Session
+from frida_painter.web.security import Session, refuse
 
 _BETWEEN_SWEEPS = 0.5  # seconds
 _MAX = 400
@@ -241,11 +240,11 @@ class Limits:
         if path == "/api/stop":
             await self._hand_on(scope, receive, send)
         elif not (self._each.take(session.id) and self._all.take(role.name)):
-            await _refuse(429, "That was too much at once; wait a moment.")(scope, receive, send)
+            await refuse(429, "That was too much at once; wait a moment.")(scope, receive, send)
         elif path == "/api/events":  # limited by seats instead
             await self._hand_on(scope, receive, send)
         elif self._busy[role] >= _MAX_AT_ONCE[role] or (path == self._upload and self._uploading >= _MAX_UPLOADS):
-            await _refuse(503, "The studio answers many others at the moment; try again.")(scope, receive, send)
+            await refuse(503, "The studio answers many others at the moment; try again.")(scope, receive, send)
         else:
             self._busy[role] += 1
             self._uploading += path == self._upload
@@ -261,11 +260,11 @@ class Limits:
             async with asyncio.timeout(_PATIENCE):
                 body = await _read(receive, most)
         except TimeoutError:
-            await _refuse(408, "That took too long to arrive.")(scope, receive, send)
+            await refuse(408, "That took too long to arrive.")(scope, receive, send)
             return
         if body is None:
             given = f"{most // 2**20} MB" if most >= 2**20 else f"{most // 2**10} KB"
-            await _refuse(413, f"That is too large: at most {given} may be sent here.")(scope, receive, send)
+            await refuse(413, f"That is too large: at most {given} may be sent here.")(scope, receive, send)
             return
 
         async def patient(message: Message) -> None:
@@ -303,10 +302,6 @@ def _replaying(body: bytes, receive: Receive) -> Receive:
         return {"type": "http.request", "body": body, "more_body": False}
 
     return receiving
-
-
-def _refuse(status: int, sentence: str) -> JSONResponse:
-    return JSONResponse({"sentence": sentence}, status)
 
 
 # Certificate of a studio that is used over a network.

@@ -29,7 +29,6 @@ from frida_painter.easel.dialogue import (
     SetupQuestion,
 )
 from frida_painter.errors import FridaError, Interrupted, StorageError
-from frida_painter.event_log import LogReader
 from frida_painter.palette import to_hex
 from frida_painter.picture_makers.making import require_canvas_maker
 from frida_painter.plan import Plan
@@ -51,7 +50,7 @@ from frida_painter.together.proposing import (
 )
 from frida_painter.together.turns import FoundPaint, PenStroke
 from frida_painter.web import commands
-from frida_painter.web.commands import Command, CommandReader, command_of, parse_answer, to_plain
+from frida_painter.web.commands import Command, Inbox, accept_reply, command_of, to_plain
 from frida_painter.web.imaginer import show_pictures, without_folders
 from frida_painter.web.picture_choosing import MakingOrder
 from frida_painter.web.stop import StopWatch
@@ -76,7 +75,7 @@ class Asker:
     feed: Feed
     stop: StopWatch
     may_leave: bool = False
-    _shown: deque[str] = field(default_factory=deque, init=False)
+    _shown: deque[Path] = field(default_factory=deque, init=False)
 
     def answer(self, question: SetupQuestion) -> Answer:
         """Waits for the person's answer and returns it.
@@ -88,8 +87,8 @@ class Asker:
         picture = getattr(question, "picture", None)
         if picture is not None:
             asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
-        reader = LogReader(self.folder.replies)
-        reader.read()  # earlier answers do not count
+        inbox = Inbox(self.folder, 0.0)
+        inbox.listen()  # earlier answers do not count
         self.feed.tell(events.Asked({"id": number, **asked}))
         followed, since = self._followed(), time.monotonic()
         while True:
@@ -102,8 +101,8 @@ class Asker:
                     f"No page was open for {MAX_ABSENCE / 60:.0f} minutes; what was done before is kept, and the "
                     "machine is free."
                 )
-            for line in reader.read():
-                answer = parse_answer(line, number, asked)
+            for message in inbox.listen():
+                answer = accept_reply(message.reply, number, asked)
                 if answer is not None:
                     self.feed.tell(events.Answered())
                     return answer
@@ -116,43 +115,41 @@ class Asker:
         return None
 
     def _show(self, picture: Tensor) -> str:
-        # The name is random, because everybody who knows it may see the picture.
-        name = f"question-{secrets.token_hex(12)}.jpg"
-        images.save(picture, self.folder.live / name)
-        self._shown.append(name)
+        self._shown.append(self.folder.new_shown("question", ".jpg"))
+        images.save(picture, self._shown[-1])
         while len(self._shown) > 2:
-            (self.folder.live / self._shown.popleft()).unlink(missing_ok=True)
-        return name
+            self._shown.popleft().unlink(missing_ok=True)
+        return self._shown[-1].name
+
+
+_KINDS: dict[type, str] = {
+    Confirm: "confirm",
+    PointCorners: "corners",
+    Jog: "jog",
+    Measure: "measure",
+    Guide: "guide",
+    Choose: "choose",
+    EnterAddress: "address",
+}
 
 
 def describe_question(question: SetupQuestion) -> dict[str, Any]:
     """Returns a question as plain values, without its picture."""
+    told = {name: value for name, value in vars(question).items() if name != "picture"}
     match question:
-        case Confirm(text=text, proposal=proposal):
-            return {"kind": "confirm", "text": text, "proposal": proposal}
-        case PointCorners(text=text, proposal=proposal):
-            corners = None if proposal is None else [[float(x), float(y)] for x, y in proposal]
-            return {"kind": "corners", "text": text, "proposal": corners}
+        case PointCorners(proposal=tuple(corners)):
+            told["proposal"] = [[float(x), float(y)] for x, y in corners]
         case Jog():
-            step = None if question.proposal is None else question.proposal.step
-            told = {"kind": "jog", "text": question.text, "height": question.height, "proposal": step}
-            return told | {"lowest": question.lowest, "highest": question.highest, "remark": question.remark}
-        case Measure():
-            told = {"kind": "measure", "text": question.text, "proposal": question.proposal}
-            return told | {"lowest": question.lowest, "highest": question.highest}
+            told["proposal"] = None if question.proposal is None else question.proposal.step
         case Guide():
-            told = {"kind": "guide", "text": question.text, "position": list(question.position)}
-            box = {"lower": list(question.lower), "upper": list(question.upper)}
-            return told | box | {"remark": question.remark, "again": question.again, "steps": list(JOG_STEPS)}
-        case Choose():
-            told = {"kind": "choose", "text": question.text, "things": list(question.things)}
-            shown = {"notes": list(question.notes), "drawings": list(question.drawings)}
-            return told | shown | {"proposal": question.proposal}
+            told |= {"proposal": None, "steps": JOG_STEPS}
         case EnterAddress():
-            return {"kind": "address", "text": question.text, "port": question.port, "example": question.example}
+            told["example"] = question.example
+        case _:
+            pass
+    return {"kind": _KINDS[type(question)], **told}
 
 
-_AT_ONCE = commands.LeaveOut | commands.TakeTurns | commands.EndMaking  # these take no time
 _KEEP: dict[str, Keep] = {"welcome": "welcome", "protect": "protect"}
 _YOURS_STAYS = (
     "What you painted stays as it is in all of them. If it may be painted over, press Remove the protection, then ask "
@@ -197,12 +194,12 @@ class PauseController:
         for told in FeedReader(self.folder.feed).read():
             if isinstance(told, events.Turns):  # agreed on before the painting broke off
                 self._game = commands.TakeTurns(told.strokes, told.minutes, told.policy, _KEEP[told.keep])
-        listener = CommandReader(self.folder, self.began)
+        inbox = Inbox(self.folder, self.began)
 
         def listen() -> None:
             while True:
                 with contextlib.suppress(FridaError, OSError):  # the next look may succeed
-                    self._commands.extend(listener.listen())
+                    self._commands.extend(each.command for each in inbox.listen() if each.command is not None)
                 time.sleep(_BETWEEN_GLANCES)
 
         threading.Thread(target=listen, daemon=True, name="commands").start()
@@ -215,8 +212,8 @@ class PauseController:
         command = command_of(request)
         if command is not None:
             self._commands.append(command)
-            if not isinstance(command, commands.FinishDrawing | commands.Propose):
-                self._commands.append(commands.GoOn())
+            if command != commands.FINISH and not isinstance(command, commands.Propose):
+                self._commands.append(commands.GO_ON)
         if proposed is not None:
             self.feed.tell(proposed)
         self._owes = command is not None or proposed is not None
@@ -238,14 +235,14 @@ class PauseController:
             return "person"
         while self._commands:
             match self._commands.popleft():
-                case commands.Pause():
+                case commands.PAUSE:
                     self._conferring = True  # until go_on
                     return "turn" if self._is_turn else "person"
                 case commands.TakeTurns() as turns:
                     self._take_turns(turns)
                 case commands.PaintStroke():  # the page refuses it too, but the painting may have gone on meanwhile
                     self.feed.tell(events.Remark(commands.ROBOT_MOVES))
-                case commands.GoOn():
+                case commands.GO_ON:
                     pass  # it went on already
                 case _:
                     self.feed.tell(events.Remark(commands.IN_A_PAUSE))
@@ -283,13 +280,13 @@ class PauseController:
                 if session is None or not session.is_button_pressed():
                     time.sleep(_BETWEEN_GLANCES)
                     continue
-                self._commands.append(commands.GoOn())
+                self._commands.append(commands.GO_ON)
             command = self._commands.popleft()
             if isinstance(command, commands.PaintStroke):
                 self._paint(command, told)
                 continue
-            if isinstance(command, commands.GoOn | commands.FinishDrawing):
-                if isinstance(command, commands.FinishDrawing):
+            if command in (commands.GO_ON, commands.FINISH):
+                if command == commands.FINISH:
                     self._note(command)
                 self._end_turn(command)
                 self._since, self._since_time = 0, time.monotonic()
@@ -297,9 +294,7 @@ class PauseController:
                 self._tell_answer()
                 return True
             try:
-                if not isinstance(
-                    command, commands.LeaveOut | commands.TakeTurns | commands.EndMaking
-                ):  # these take no time
+                if command != commands.END_MAKING and not isinstance(command, commands.LeaveOut | commands.TakeTurns):
                     self._note(command)
                     self.feed.tell(events.Considering())
                 self._do(command)
@@ -337,13 +332,13 @@ class PauseController:
         if looks:
             self.feed.tell(told)
 
-    def _end_turn(self, command: commands.GoOn | commands.FinishDrawing) -> None:
+    def _end_turn(self, command: Command) -> None:
         """Answers a person who painted, or finishes a painting without a goal."""
         session = self.opened()
         if session is None:
             return
         try:
-            if isinstance(command, commands.GoOn):
+            if command == commands.GO_ON:
                 self._answer_person(session)
             elif session.in_turns:
                 session.person.end_here()
@@ -384,9 +379,9 @@ class PauseController:
 
     def _tell_found(self, found: FoundPaint) -> None:
         """Shows the canvas with a line around what a person painted."""
-        name = f"found-{secrets.token_hex(12)}.jpg"
-        images.save(found.outlined, self.folder.live / name)
-        self.feed.tell(person_events.PersonPaintShown(name, round(found.share, 5)))
+        shown = self.folder.new_shown("found", ".jpg")
+        images.save(found.outlined, shown)
+        self.feed.tell(person_events.PersonPaintShown(shown.name, round(found.share, 5)))
 
     def _forbid(self, forbidden: NDArray[np.bool_]) -> None:
         """Forbids strokes on a part of the canvas [H, W], and notes and reports that; nothing is replanned."""
@@ -423,7 +418,7 @@ class PauseController:
     def _do(self, command: Command) -> None:
         session = self._session
         match command:
-            case commands.LookAgain():
+            case commands.LOOK:
                 session.look_again()
             case commands.GivePicture(picture):
                 self.look_at(self.folder.pictures / f"{picture}.png")
@@ -435,7 +430,7 @@ class PauseController:
                 session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
                 kept = keep_region(self.folder.painting, drawing)
                 self._tell_region(person_events.RegionProtected(kept, only, self._show_region(drawing)))
-            case commands.Free():
+            case commands.FREE:
                 session.person.release()
                 session.planner = session.planner.keeping_clear(None)
                 self._tell_region(person_events.RegionProtected(None))
@@ -464,9 +459,9 @@ class PauseController:
 
     def _show_region(self, drawing: Tensor) -> str:
         """Writes the drawing of a region for the page, and returns its name."""
-        shown = f"region-{secrets.token_hex(12)}.png"
-        images.save(drawing, self.folder.live / shown)
-        return shown
+        shown = self.folder.new_shown("region", ".png")
+        images.save(drawing, shown)
+        return shown.name
 
     def _propose(self, command: commands.Propose) -> None:
         """Has pictures made that begin from the canvas, and shows them; what the person painted is protected first."""
@@ -490,7 +485,7 @@ class PauseController:
 
     def _must_end_making(self) -> bool:
         """Returns True if the person ends the making of pictures, or all work; other commands wait."""
-        return self.stop.asked or commands.EndMaking() in list(self._commands)
+        return self.stop.asked or commands.END_MAKING in list(self._commands)
 
     def _take_turns(self, command: commands.TakeTurns) -> None:
         self._game, self._since, self._since_time = command, 0, time.monotonic()

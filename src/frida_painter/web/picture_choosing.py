@@ -13,9 +13,10 @@ from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
-from frida_painter import python_process, registry, storage
+from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
 from frida_painter.session.making_events import PicturesMade
+from frida_painter.web.reader import ask_reader
 from frida_painter.web.studio_folder import MAKING_SUFFIX, KeptRequest, Side, Words
 
 MADE = "made"
@@ -23,7 +24,6 @@ MADE = "made"
 MAX_MAKINGS = 8
 """Number of the last makings that are kept to choose from."""
 _MAX_FILE = 2**28  # bytes of a made picture
-_PATIENCE = 120.0  # seconds
 _CLIPS = ("clip-vit-b-32", "clip-vit-l-14")
 
 
@@ -46,9 +46,7 @@ class AllowedMakers:
         """
         by_label: dict[str, str] = {}
         if makers:
-            said = python_process.run("-m", "frida_painter.web.maker_reader", *makers, text=True, timeout=_PATIENCE)
-            if said.returncode:
-                raise ConfigError(said.stderr.strip().splitlines()[-1] if said.stderr else "--imagine cannot be read.")
+            ask_reader("makers", *makers)
         for maker in makers:
             label, again = label_of(maker), 1
             while label in by_label:

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Body, Depends, Header, HTTPException, Path, Query, Request, Response
 from fastapi.concurrency import run_in_threadpool
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, JSONResponse, StreamingResponse
+from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from starlette.types import Message, Receive, Scope, Send
 
@@ -27,7 +27,7 @@ from frida_painter.errors import StorageError
 from frida_painter.web.commands import Command, Reply, Role
 from frida_painter.web.jobs import JOBS, Imagining, Job
 from frida_painter.web.picture_choosing import ChosenPicture, MakingRequest
-from frida_painter.web.security import Led, Session
+from frida_painter.web.security import Led, Session, refuse
 from frida_painter.web.state import MAX_TOPICS, EventStream
 from frida_painter.web.stop import press
 from frida_painter.web.store import Entry
@@ -64,8 +64,7 @@ class SentFile(FileResponse):
             await super().__call__(scope, receive, send_later)
         except (FileNotFoundError, NotADirectoryError):
             if not begun:
-                gone = JSONResponse({"sentence": "This file was deleted."}, status_code=404)
-                await gone(scope, receive, send)
+                await refuse(404, "This file was deleted.")(scope, receive, send)
 
 
 # Rights: the session of a request, and what it may do. They are async functions, which need no thread of the pool,

@@ -197,16 +197,16 @@ class AuthMiddleware:
         """Returns None if the request may go on, else the refusal."""
         headers, method = Headers(scope=scope), scope["method"]
         if sum(len(name) + len(value) for name, value in scope["headers"]) > _MAX_HEADERS:
-            return _refuse(431, "The headers of this request are too large.")
+            return refuse(431, "The headers of this request are too large.")
         if headers.getlist("host") != [host := headers.get("host", "")] or host not in self._hosts:
-            return _refuse(403, "The studio does not go by this name; use the address that it printed.")
+            return refuse(403, "The studio does not go by this name; use the address that it printed.")
         here = headers.get("sec-fetch-site", "none") in ("none", "same-origin")
         # True for a clicked link on another page. Requests and frames of such a page have other headers. For some
         # clicks, Chromium does not report a document as their target.
         way, aim = (headers.get(f"sec-fetch-{name}") for name in ("mode", "dest"))
         clicked = method == "GET" and way == "navigate" and aim in ("document", "empty")
         if not here and not clicked:
-            return _refuse(403, "Another page asked for this.")
+            return refuse(403, "Another page asked for this.")
         if method == "GET" and b"token=" in scope["query_string"]:
             return await self._enter(scope, counts=here)
         if headers.get("authorization"):
@@ -219,14 +219,14 @@ class AuthMiddleware:
                 content, kind = self._parts[scope["path"]]
                 return Response(content, media_type=kind)
             page = method in _SAFE and "text/html" in headers.get("accept", "")
-            return HTMLResponse(self._closed, 401) if page else _refuse(401, "The studio does not know you.")
+            return HTMLResponse(self._closed, 401) if page else refuse(401, "The studio does not know you.")
         if not here:
-            return _opening("/") if scope["path"] == "/" else _refuse(403, "Another page asked for this.")
+            return _opening("/") if scope["path"] == "/" else refuse(403, "Another page asked for this.")
         if method not in _SAFE and headers.get("origin") != f"{scope['scheme']}://{host}":
-            return _refuse(403, "Another page asked for this.")
+            return refuse(403, "Another page asked for this.")
         by_cookie = method in _SAFE and _BY_COOKIE.fullmatch(scope["path"])
         if not by_cookie and not hmac.compare_digest(headers.get("x-page-key", "").encode(), session.key.encode()):
-            return _refuse(403, "This page has lost its key; open the studio with the link that its terminal shows.")
+            return refuse(403, "This page has lost its key; open the studio with the link that its terminal shows.")
         scope.setdefault("state", {})["session"] = session
         return None
 
@@ -234,9 +234,9 @@ class AuthMiddleware:
         scheme, _, token = headers.get("authorization", "").partition(" ")
         session = self._keys.bearer(token.strip()) if scheme.lower() == "bearer" else None
         if session is None:
-            return await self._wrong(_refuse(401, "The studio does not know you."))
+            return await self._wrong(refuse(401, "The studio does not know you."))
         if scope["method"] not in _SAFE and headers.get("origin") not in (None, f"{scope['scheme']}://{host}"):
-            return _refuse(403, "Another page asked for this.")
+            return refuse(403, "Another page asked for this.")
         scope.setdefault("state", {})["session"] = session
         return None
 
@@ -260,7 +260,7 @@ class AuthMiddleware:
     async def _wrong(self, answer: Response) -> Response:
         if await self._slowness.refuse():
             return answer
-        return _refuse(429, "Too many wrong tokens came; wait a moment.")
+        return refuse(429, "Too many wrong tokens came; wait a moment.")
 
     def _session(self, headers: Headers) -> Session | None:
         try:
@@ -290,8 +290,9 @@ def _opening(address: str) -> HTMLResponse:
     return HTMLResponse(_OPENING.format(address=address.replace("&", "&amp;")))
 
 
-def _refuse(status: int, sentence: str) -> Response:
-    return JSONResponse({"sentence": sentence}, status)
+def refuse(status: int, sentence: str, **more: object) -> JSONResponse:
+    """Returns the answer to a request that is not done: a sentence for a person, and `more` for programs."""
+    return JSONResponse({"sentence": sentence, **more}, status)
 
 
 # Confirmation at the machine: a person beside a dangerous robot must confirm before it moves.

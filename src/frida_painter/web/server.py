@@ -29,7 +29,7 @@ from frida_painter.web.commands import Role
 from frida_painter.web.network import Certificate, Connections, Limits, WebAppLock, most_connections
 from frida_painter.web.picture_choosing import AllowedMakers
 from frida_painter.web.routes import all_routes
-from frida_painter.web.security import AuthMiddleware, Keys, Led, Presence
+from frida_painter.web.security import AuthMiddleware, Keys, Led, Presence, refuse
 from frida_painter.web.state import StateStreams
 from frida_painter.web.stop_process import StopProcess
 from frida_painter.web.store import PaintingStore
@@ -106,7 +106,7 @@ def application(studio: Studio) -> FastAPI:
         sentence = str(error).replace(str(studio.store.root), "the studio's folder")
         led = {"led": True} if isinstance(error, Led) else {}
         status = 409 if isinstance(error, Interrupted | RobotStopped) else 422
-        return JSONResponse({"sentence": sentence, **led}, status)
+        return refuse(status, sentence, **led)
 
     app.add_exception_handler(FridaError, mendable)
     app.add_exception_handler(HTTPException, _refuse)
@@ -138,15 +138,13 @@ def _refuse_invalid(request: Request, error: Exception) -> JSONResponse:
     places = [str(part) for part in first["loc"][1:] if isinstance(part, int) or str(part).isidentifier()]
     unknown = "The studio does not take this request. Reload the page, and ask again."
     sentence = own if first["type"] == "value_error" else unknown
-    return JSONResponse({"sentence": sentence, "fault": f"{'.'.join(places)[:80]}: {own}" if places else own}, 422)
+    return refuse(422, sentence, fault=f"{'.'.join(places)[:80]}: {own}" if places else own)
 
 
 def _unforeseen(request: Request, error: Exception) -> JSONResponse:
     mark = secrets.token_hex(4)
     print(mark, "".join(traceback.format_exception(error)), file=sys.stderr)
-    return JSONResponse(
-        {"sentence": f"Something went wrong that should not have; its number in the log is {mark}."}, 500
-    )
+    return refuse(500, f"Something went wrong that should not have; its number in the log is {mark}.")
 
 
 _BACKLOG = 1024

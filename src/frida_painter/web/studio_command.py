@@ -129,7 +129,8 @@ def studio(
         return
     store = PaintingStore(folder.absolute())
     record = calibration or store.job("calibration").path / "calibration.json"
-    easel = WebAppEasel(record.absolute(), robot, camera, workspace, pace).validate()
+    place = workspace and workspace.absolute()
+    easel = WebAppEasel(record.absolute(), robot, camera, place, pace).validate()
 
     try:
         fetched = ("diffusers",) if registry.are_here(registry.IMAGINE) else ()

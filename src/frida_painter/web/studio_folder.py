@@ -6,6 +6,7 @@ The page's process writes requests, commands and the stop file; the worker write
 import contextlib
 import os
 import re
+import secrets
 import shutil
 import time
 from dataclasses import dataclass, field
@@ -211,6 +212,7 @@ MAKING_SUFFIX = ".making.json"
 """End of the name of a file that records how the picture of the same name was made from words."""
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
 _MAX_PLANS = 24
+_TOKEN = "[0-9a-f]" * 24  # pattern of a random name
 _A_MOMENT = 1.0  # seconds
 _LOCKS = ".workers"
 _LONGEST_JOB = 20
@@ -261,10 +263,8 @@ class PaintingFolder:
 
     feed = _Inside("feed.jsonl")
     """File of the events, one per line; written by the worker."""
-    commands = _Inside("commands.jsonl")
-    """File of the commands, one per line; written by the page's process."""
-    replies = _Inside("replies.jsonl")
-    """File of the answers to the worker's questions, one per line; written by the page's process."""
+    inbox = _Inside("inbox.jsonl")
+    """File of commands and answers to the worker's questions, one per line; written by the page's process."""
     followed = _Inside("followed")
     """File that the page's process renews every few seconds while a page follows the work in this folder."""
     easel = _Inside("easel")
@@ -290,6 +290,16 @@ class PaintingFolder:
         """Folder of the studio's taught stroke families."""
         return self.path.parent / FAMILIES
 
+    def new_shown(self, kind: str, suffix: str, *, alone: bool = False) -> Path:
+        """Returns a file for a picture in `live`; its name is random, because everybody who knows it may see it.
+
+        alone: True to remove the former pictures of that kind.
+        """
+        if alone:
+            for before in self.live.glob(f"{kind}-{_TOKEN}{suffix}"):
+                before.unlink()
+        return self.live / f"{kind}-{secrets.token_hex(12)}{suffix}"
+
     def stop_now(self) -> None:
         """Stops all work on this painting. Raises OSError."""
         if self.painting.is_dir():
@@ -312,10 +322,9 @@ class PaintingFolder:
             raise StorageError(f"There are {_MAX_PLANS} plans already; choose one of them, or begin a new painting.")
         plan = self.plan(number)
         storage.new_folder(plan.path)
-        for name in request.pictures:
-            _copy(pictures / f"{name}.png", plan.path / f"{name}.png")
-            if (pictures / f"{name}{MAKING_SUFFIX}").is_file():
-                _copy(pictures / f"{name}{MAKING_SUFFIX}", plan.path / f"{name}{MAKING_SUFFIX}")
+        for file in (f"{name}{suffix}" for name in request.pictures for suffix in (".png", MAKING_SUFFIX)):
+            if file.endswith(".png") or (pictures / file).is_file():
+                storage.copy(pictures / file, plan.path / file, "a picture of this goal", storage.MAX_BYTES)
         storage.write_json(plan.path / "wish.json", {"wish": request.model_dump(mode="json")})
         return plan
 
@@ -338,13 +347,6 @@ def require_disk(folder: Path, needed: int) -> None:
         raise StorageError(
             f"The studio's disk has {free // 2**20} MB free, and this needs {needed // 2**20} MB; make room on it."
         )
-
-
-def _copy(picture: Path, to: Path) -> None:
-    if not picture.is_file():
-        raise StorageError("A picture of this goal is gone; choose it again.")
-    with storage.replacing(to) as temporary:
-        shutil.copyfile(picture, temporary)
 
 
 class WorkerLock:

@@ -1,7 +1,6 @@
 """Teaching of a stroke by a worker: marks become a family, the virtual studio paints it, and its marks are learned."""
 
 import json
-import secrets
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -51,10 +50,10 @@ def teach(request: TeachingRequest, folder: PaintingFolder, families: Path, say:
         learned.model.save(file)
         sheet = family_sheet(family, taught, learned.model)
         sentence += f" Learned from {len(learned.library)} strokes that the virtual studio painted."
-    picture = f"family-{secrets.token_hex(12)}.png"  # random, because everybody who knows the name may see it
-    images.save(sheet, file.with_suffix(".png"))
-    images.save(sheet, folder.live / picture)
-    return FamilyTaught(request.name, request.brush, sentence, picture)
+    picture = folder.new_shown("family", ".png")
+    for place in (file.with_suffix(".png"), picture):
+        images.save(sheet, place)
+    return FamilyTaught(request.name, request.brush, sentence, picture.name)
 
 
 def _paint(kind: BrushKind, count: int, folder: PaintingFolder, say: Callable[[str], None]) -> StrokeLibrary:

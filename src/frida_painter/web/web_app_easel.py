@@ -1,32 +1,14 @@
 """Easel of a studio: its robot, camera and workspace, and the easel's calibration record."""
 
-import json
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Self
 
-from frida_painter import python_process
+from pydantic import TypeAdapter
+
 from frida_painter.easel.kinds import HUMAN, MACHINES, NO_CAMERA, SIMULATED, require_equipment, require_known
-from frida_painter.errors import ConfigError
-
-# Canvas size of a workspace file, read in a short process.
-#
-# The code that reads the file imports arrays and tensors, which the web process must not load.
-
-_PATIENCE = 60.0
-
-
-def canvas_of_workspace(workspace: Path) -> tuple[float, float]:
-    """Returns width and height of the canvas in millimetres. Raises ConfigError if the file is no workspace."""
-    said = python_process.run("-m", "frida_painter.web.workspace_reader", workspace, text=True, timeout=_PATIENCE)
-    found = json.loads(said.stdout)
-    if "fault" in found:
-        raise ConfigError(found["fault"])
-    width, height = found["canvas"]
-    return float(width), float(height)
-
+from frida_painter.web.reader import ask_reader
 
 LOCAL = "127.0.0.1"
 """Address that only the studio's own machine can reach."""
@@ -78,21 +60,16 @@ class WebAppEasel:
         """
         if require_known(self.robot) in MACHINES:
             require_equipment(self.robot, self.workspace, self.camera)
-        return self if self.workspace is None else replace(self, canvas=canvas_of_workspace(self.workspace))
+        if self.workspace is None:
+            return self
+        width, height = map(float, ask_reader("canvas", self.workspace).split())
+        return replace(self, canvas=(width, height))
 
-    def plain(self) -> dict[str, str]:
-        """Returns the easel as plain values, for worker processes."""
-        workspace = "" if self.workspace is None else str(self.workspace.absolute())
-        return {
-            "record": str(self.record.absolute()),
-            "robot": self.robot,
-            "camera": self.camera,
-            "workspace": workspace,
-            "pace": str(self.pace),
-        }
+    def to_json(self) -> str:
+        """Returns the easel as JSON, for worker processes."""
+        return TypeAdapter(WebAppEasel).dump_json(self).decode()
 
     @classmethod
-    def take(cls, plain: Mapping[str, str]) -> Self:
-        """Returns the easel from plain values."""
-        workspace = Path(plain["workspace"]) if plain["workspace"] else None
-        return cls(Path(plain["record"]), plain["robot"], plain["camera"], workspace, float(plain["pace"]))
+    def from_json(cls, text: str) -> "WebAppEasel":
+        """Returns the easel of `to_json`."""
+        return TypeAdapter(WebAppEasel).validate_json(text)

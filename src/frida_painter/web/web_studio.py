@@ -14,50 +14,18 @@ from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
 from frida_painter.runs.shares import family_shares
 from frida_painter.session.events import PlanRequested, TakenUp
-from frida_painter.web.commands import (
-    ROBOT_MOVES,
-    ChangeGoal,
-    Command,
-    GivePicture,
-    PaintStroke,
-    Propose,
-    Protect,
-    Reply,
-    Role,
-    TakeTurns,
-    describe,
-    reply,
-    tell_painter,
-)
+from frida_painter.web import commands, picture_choosing, studio_folder
+from frida_painter.web.commands import Command, Reply, Role
 from frida_painter.web.jobs import JOBS, Imagining, Job, Setup, TeachingRequest
 from frida_painter.web.pace import LAST, WorkTimes, find_pace
 from frida_painter.web.painting_state import PaintingState, Status, tell_status
-from frida_painter.web.picture_choosing import (
-    MADE,
-    AllowedMakers,
-    ChosenPicture,
-    MakingOrder,
-    MakingRequest,
-    take_picture,
-)
+from frida_painter.web.picture_choosing import AllowedMakers, ChosenPicture, MakingOrder, MakingRequest
 from frida_painter.web.security import Lead, Presence, Session
 from frida_painter.web.state import FeedStates, Shown, StateStreams, Topic
 from frida_painter.web.stop import Stops
 from frida_painter.web.stop_process import StopProcess
 from frida_painter.web.store import Entry, PaintingStore, Uploads
-from frida_painter.web.studio_folder import (
-    PLAN_JOB,
-    KeptRequest,
-    PaintingFolder,
-    PaintingRequest,
-    PlanFolder,
-    WorkerLock,
-    find_job,
-    find_work,
-    require_disk,
-    tell_once,
-    working,
-)
+from frida_painter.web.studio_folder import KeptRequest, PaintingFolder, PaintingRequest, PlanFolder, working
 from frida_painter.web.web_app_easel import WebAppEasel
 from frida_painter.web.workers import QUEUE, PaintingQueue, Workers, start_painting
 
@@ -146,7 +114,7 @@ class Studio:
 
     def _at_work(self) -> list[PaintingFolder]:
         """Returns the folders of paintings, also deleted ones, and of the calibration, on which a process works."""
-        return [folder for folder in find_work(self.store.root) if folder.path.name != QUEUE]
+        return [folder for folder in studio_folder.find_work(self.store.root) if folder.path.name != QUEUE]
 
     def cards(self) -> list[dict[str, Any]]:
         """Returns the gallery's data of every painting, the newest first."""
@@ -244,7 +212,7 @@ class Studio:
     def _request_plan(self, entry: Entry, request: PaintingRequest) -> PlanFolder:
         """Makes the folder of a new plan and reports it to the page."""
         plan = entry.folder.begin_plan(request, self.store.pictures)
-        tell_once(entry.folder, PlanRequested(plan.number, request.model_dump(mode="json")))
+        studio_folder.tell_once(entry.folder, PlanRequested(plan.number, request.model_dump(mode="json")))
         if request.title and request.title != entry.title:
             self.store.rename(entry.id, request.title)
         return plan
@@ -265,7 +233,7 @@ class Studio:
             raise ConfigError("This plan is not finished; wait for it, or choose another one.")
         if folder.painting.exists():
             raise Interrupted("This painting has been begun already; to paint it once more, take Paint again.")
-        require_disk(folder.path, _ROOM_TO_BEGIN)
+        studio_folder.require_disk(folder.path, _ROOM_TO_BEGIN)
         if wait:
             self.queue.add(entry, plan, "paint")
             self.store.note(by.id, entry.id, f"queue plan {number}")
@@ -287,13 +255,13 @@ class Studio:
         if not status.resumable:
             raise Interrupted("There is nothing to go on with: no stroke was painted yet.")
         painting = self.painting(entry)["painting"]
-        require_disk(folder.path, _ROOM_TO_RESUME)
+        studio_folder.require_disk(folder.path, _ROOM_TO_RESUME)
         with self.workers.slot_at(folder) as slot:
             self.presence.allow(self.easel)
             folder.stop.unlink(missing_ok=True)
             folder.robot_stop.unlink(missing_ok=True)
             self.store.note(by.id, entry.id, "resume")
-            tell_once(folder, TakenUp(painting["done"]))
+            studio_folder.tell_once(folder, TakenUp(painting["done"]))
             slot.start("resume", folder.plan(painting["plan"]))
 
     def say(self, entry: Entry, command: Command, by: Session) -> None:
@@ -301,32 +269,34 @@ class Studio:
         if not (entry.folder.painting.is_dir() and working(entry.folder)):
             raise Interrupted("Nothing is being painted here at the moment.")
         match command:
-            case Protect(picture) | GivePicture(picture):
+            case commands.Protect(picture) | commands.GivePicture(picture):
                 self._require_pictures({picture})
-            case ChangeGoal(request):
+            case commands.ChangeGoal(request):
                 self._require_possible(request)
-            case Propose(words, maker):
+            case commands.Propose(words, maker):
                 if self.painting(entry)["painting"]["making"] is not None:
                     raise Interrupted("Pictures are being made here already; wait until they are there, or stop it.")
                 MakingOrder.of(words, maker, self.makers).keep(entry.folder)
-            case TakeTurns(policy=policy) if policy not in registry.parts(registry.TURN_POLICIES):
+            case commands.TakeTurns(policy=policy) if policy not in registry.parts(registry.TURN_POLICIES):
                 known = ", ".join(registry.parts(registry.TURN_POLICIES))
                 raise ConfigError(f"There is no way of taking turns {policy!r}; take one of {known}.")
-            case PaintStroke():
+            case commands.PaintStroke():
                 painting = self.painting(entry)["painting"]
                 if not painting["held"]:
-                    raise Interrupted(ROBOT_MOVES)
+                    raise Interrupted(commands.ROBOT_MOVES)
                 if painting["person"] is None:
                     raise Interrupted("Nobody can paint through the page here; paint on the canvas with a real brush.")
-        self.store.note(by.id, entry.id, describe(command))
-        tell_painter(entry.folder, command, by.id)
+        self.store.note(by.id, entry.id, commands.describe(command))
+        commands.tell_worker(entry.folder, command, by.id)
 
     def choose_proposal(self, entry: Entry, chosen: ChosenPicture, by: Session) -> dict[str, str]:
         """Takes a proposed picture of a painting among the pictures for goals; returns its id, and how it was made."""
         proposed = self.feeds.view(
             entry.folder, PaintingState, lambda state, truth: state.painting and state.painting.proposed
         )
-        made = take_picture(chosen, [proposed] if proposed else [], entry.folder.painting, self.store.pictures)
+        made = picture_choosing.take_picture(
+            chosen, [proposed] if proposed else [], entry.folder.painting, self.store.pictures
+        )
         self.store.note(by.id, entry.id, f"choose {made['made']}")
         return made
 
@@ -337,7 +307,7 @@ class Studio:
 
     def delete(self, entry: Entry, by: Session) -> None:
         """Deletes a painting with all its files, while no worker can begin there."""
-        lock = WorkerLock(entry.folder)
+        lock = studio_folder.WorkerLock(entry.folder)
         try:
             if not lock.take():
                 raise Interrupted("The painter is at work on this painting; stop it first.")
@@ -353,7 +323,7 @@ class Studio:
         """Starts a job; no request names a program. A setup moves a real machine, at every easel."""
         order = self._complete(request)
         folder = self.store.job(job.name)
-        require_disk(folder.path, _ROOM_TO_BEGIN)
+        studio_folder.require_disk(folder.path, _ROOM_TO_BEGIN)
         with self.workers.slot_at(folder) as slot:
             if job.moves == "always":
                 self.presence.require()
@@ -363,7 +333,7 @@ class Studio:
             said, started = job.begin(order)
             self.store.note(by.id, job.name, said)
             order.keep(folder)
-            tell_once(folder, started)
+            studio_folder.tell_once(folder, started)
             slot.start(job.name, folder.plan(1))
 
     def _complete(self, request: KeptRequest | MakingRequest) -> KeptRequest:
@@ -391,7 +361,7 @@ class Studio:
         """Takes a made picture among the pictures for goals; returns its id, and how it was made."""
         folder = self.store.job(Imagining.name)
         makings = self.feeds.view(folder, Imagining, lambda state, truth: list(state.makings))
-        made = take_picture(chosen, makings, folder.path / MADE, self.store.pictures)
+        made = picture_choosing.take_picture(chosen, makings, folder.path / picture_choosing.MADE, self.store.pictures)
         self.store.note(by.id, Imagining.name, f"choose {made['made']}")
         return made
 
@@ -413,8 +383,8 @@ class Followed:
 
 
 def _may_move(at_work: list[PaintingFolder]) -> bool:
-    still = {PLAN_JOB, *(name for name, job in JOBS.items() if job.moves == "never")}
-    return any(find_job(folder) not in still for folder in at_work)
+    still = {studio_folder.PLAN_JOB, *(name for name, job in JOBS.items() if job.moves == "never")}
+    return any(studio_folder.find_job(folder) not in still for folder in at_work)
 
 
 def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, by: str) -> None:
@@ -423,7 +393,7 @@ def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, by: str) -> None:
         raise Interrupted("This is not asked any more; look at the page.")
     if not (given.leave and asked.get("leave") is True):
         given.answering(str(asked["kind"]), asked)
-    reply(folder, given, by)
+    commands.tell_worker(folder, given, by)
 
 
 def _best_picture(folder: PaintingFolder) -> str | None:

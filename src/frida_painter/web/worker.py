@@ -1,6 +1,5 @@
 """Jobs of a worker process: it plans, paints or calibrates; web/worker_process.py starts them."""
 
-import secrets
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -54,7 +53,6 @@ from frida_painter.web.telling import Growing, Reporter, export, illustrate, mix
 from frida_painter.web.web_app_easel import WebAppEasel
 
 _BETWEEN_WORDS = 0.5  # seconds
-_TOKEN = "[0-9a-f]" * 24  # pattern of a random name
 
 # Job of a worker: its painting, its easel and its feed.
 
@@ -190,11 +188,9 @@ def _show_finding(name: str, finding: Finding, setup: CalibrationSetup, job: Job
     if finding.picture is None:
         return None
     images.save(finding.picture, setup.beside(name, "png"))
-    for before in job.folder.live.glob(f"found-{name}-{_TOKEN}.png"):
-        before.unlink()
-    shown = f"found-{name}-{secrets.token_hex(12)}.png"  # random, because everybody who knows the name may see it
-    images.save(finding.picture, job.folder.live / shown)
-    return shown
+    shown = job.folder.new_shown(f"found-{name}", ".png", alone=True)
+    images.save(finding.picture, shown)
+    return shown.name
 
 
 def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
@@ -251,11 +247,9 @@ def set_up(job: Job) -> None:
 
 def _show_sheet(written: setup_events.SetupWritten, folder: PaintingFolder) -> setup_events.SetupWritten:
     """Copies the picture of a finished setup for the page; returns the event with the copy's name."""
-    for before in folder.live.glob(f"setup-{_TOKEN}.png"):
-        before.unlink()
-    shown = f"setup-{secrets.token_hex(12)}.png"  # random, because everybody who knows the name may see it
-    storage.copy(Path(written.sheet), folder.live / shown, "the picture of the setup", storage.MAX_BYTES)
-    return replace(written, sheet=shown)
+    shown = folder.new_shown("setup", ".png", alone=True)
+    storage.copy(Path(written.sheet), shown, "the picture of the setup", storage.MAX_BYTES)
+    return replace(written, sheet=shown.name)
 
 
 # Painting by a worker: it starts or resumes the run of a requested painting.

@@ -7,7 +7,6 @@ done. EASEL is the studio's easel as JSON.
 The libraries of a planner take seconds to load. This module loads none of them before it listens for stops.
 """
 
-import json
 import os
 import secrets
 import sys
@@ -36,7 +35,7 @@ def main() -> None:
         from frida_painter.web.painter import Asker
         from frida_painter.web.worker import Job, work
 
-        job = Job(folder, WebAppEasel.take(json.loads(easel)), feed, stop, Asker(folder, feed, stop))
+        job = Job(folder, WebAppEasel.from_json(easel), feed, stop, Asker(folder, feed, stop))
         work(what, job, folder.plan(int(number)))
     except StopPressed:
         feed.tell(Stopped())

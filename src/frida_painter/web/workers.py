@@ -1,7 +1,6 @@
 """Worker processes of the studio, which plan and paint, and its queue; the processes outlive the page's process."""
 
 import contextlib
-import json
 import subprocess
 import threading
 import time
@@ -69,7 +68,7 @@ class WorkerSlot:
     def start(self, job: str, plan: PlanFolder) -> None:
         """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError."""
         lock = self._lock.fileno()
-        task = job, self.folder.path, plan.number, lock, json.dumps(self._easel.plain())
+        task = job, self.folder.path, plan.number, lock, self._easel.to_json()
         self._lock.sign(job)
         try:
             with (self.folder.path / "worker.log").open("ab") as log:
