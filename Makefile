@@ -8,9 +8,9 @@ PINS := pyproject.toml constraints.txt
 # HASHES=no also takes files that are not those of constraints.txt, such as builds of your own index.
 ADD := $(BIN)/python tools/install.py $(if $(filter no,$(HASHES)),--without-hashes)
 
-PROGRAM ?= storm stop attack hostile_commands kills busy claims franka so101
+PROGRAM ?= storm stop attack hostile_commands kills busy claims every franka so101
 
-.PHONY: pins paint studio test quick stress views lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
+.PHONY: pins paint studio test quick nightly stress views lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
 
 install: $(VENV)/dev
 
@@ -32,7 +32,12 @@ $(VENV)/web: $(VENV)/installed
 $(VENV)/dev: $(VENV)/installed
 	@echo "Installing the test tools, all that commands may need, and a physics engine: usually one to two minutes more."
 	@$(ADD) '.[dev]'
-	@touch $@ $(VENV)/web $(VENV)/docs
+	@touch $@ $(VENV)/web
+
+$(VENV)/nightly: $(VENV)/dev
+	@echo "Installing what only the nightly run needs, 1.5 GB: Ray, Triton, a simulated Franka, the site's tools."
+	@$(ADD) '.[nightly]'
+	@touch $@ $(VENV)/docs
 
 $(VENV)/docs: $(VENV)/installed
 	@echo "Installing what makes the documentation's site: usually some seconds."
@@ -69,7 +74,6 @@ browser:
 downloads: install
 	@$(BIN)/python tests/downloads.py
 
-# tests/docs builds the documentation's site as strictly as `make docs` does.
 test: lint browser downloads
 	$(BIN)/python tools/check_page.py test
 	$(BIN)/python tools/run_tests.py $(OPTIONS)
@@ -78,10 +82,15 @@ test: lint browser downloads
 quick: install downloads
 	$(BIN)/python tools/run_tests.py --quick $(OPTIONS)
 
+# The whole suite with all packages and more examples of each property: `make test` skips what needs Ray, Triton, a
+# simulated Franka, vpype or MkDocs.
+nightly: $(VENV)/nightly
+	@$(MAKE) test OPTIONS="--hypothesis-profile nightly $(OPTIONS)"
+
 # Programs that attack, storm, stop, kill and starve the painter, and claims that hold in the mean of many paintings:
 # hours with their defaults, so a nightly job runs them.
 # One of them, with options: make stress PROGRAM=kills OPTIONS="--kills 20"
-stress: install browser downloads
+stress: $(VENV)/nightly browser downloads
 	@for program in $(PROGRAM); do \
 		PYTHONPATH=benchmarks $(BIN)/python tests/stress/$$program.py $(OPTIONS) || exit 1; done
 

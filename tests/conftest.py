@@ -23,8 +23,8 @@ from killing import forked_easels, fresh_easels
 from measured import MAX_TEST, function_of, read_seconds
 from snapshots import Snapshots
 
-settings.register_profile("suite", deadline=None)
-settings.register_profile("quick", deadline=None, max_examples=10)  # `make quick` asks for it
+for _profile, _examples in (("quick", 10), ("suite", 25), ("nightly", 100)):  # of each property; make asks for one
+    settings.register_profile(_profile, deadline=None, max_examples=_examples)
 settings.load_profile("suite")
 
 _MB = 2**20
@@ -112,7 +112,11 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     if (times := item.config.getoption("--times")) is not None:
         with times.open("a") as file:
             file.write(f"{took:.3f} {time.monotonic() - clock:.3f} {item.nodeid}\n")
-    if took > MAX_TEST and not item.config.stash[_SECONDS].get(function_of(item.nodeid), (0, ""))[1]:
+    if (
+        took > MAX_TEST
+        and "EVERY" not in os.environ
+        and not item.config.stash[_SECONDS].get(function_of(item.nodeid), (0, ""))[1]
+    ):
         item.config.stash[_LONG].append((took, item.nodeid))
     module = getattr(item, "module", None)  # what is no function of Python has none
     if module is not None and (nextitem is None or nextitem.path != item.path):
@@ -214,6 +218,14 @@ def _installed_once() -> Iterator[None]:
     look_up = functools.cache(lambda group, places: entry_points(group=group))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registry, "entry_points", lambda group: look_up(group, tuple(sys.path)))
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _state_of_fixtures(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What fixtures of modules stop and lock is not the person's who runs the tests either."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         yield
 
 

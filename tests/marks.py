@@ -1,18 +1,16 @@
 """Small brushes, stroke models and libraries for tests."""
 
-from collections.abc import Hashable
-from functools import cache
-
 import numpy as np
 import torch
 
 from frida_painter.brush.kinds import BrushKind, StrokeModel
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.brush.table import StrokeTable, TableDetail, cached_table
 from frida_painter.frames import MapFrame
 from frida_painter.stroke_family import StrokeFamily, spline_matrix
 from frida_painter.strokes import StrokeLimits
 from frida_painter.teaching.bezier import BezierStroke, RibbonShape
+from made_once import made_by_this_code
 
 SMALL = BrushKind("small", StrokeLimits((0.010, 0.030), (-0.008, 0.008)), 0.008)
 
@@ -33,17 +31,7 @@ def coarse_table(model: StrokeModel) -> StrokeTable:
     detail = TableDetail((2, 2, 2), 8)
     if not isinstance(model, torch.nn.Module):
         return StrokeTable.of(model, detail=detail)
-    weights = b"".join(tensor.numpy().tobytes() for tensor in model.state_dict().values())
-    decides = type(model), model.brush, model.frame, model.limits, weights
-    if decides not in _coarse_tables():
-        _coarse_tables()[decides] = StrokeTable.of(model, detail=detail)
-    return _coarse_tables()[decides]
-
-
-@cache
-def _coarse_tables() -> dict[Hashable, StrokeTable]:
-    """What `coarse_table` made in this process, by what decides it."""
-    return {}
+    return cached_table(model, detail, made_by_this_code() / "tables")
 
 
 def shapes(count: int, seed: int = 0, dtype: torch.dtype = torch.float32) -> tuple[torch.Tensor, ...]:

@@ -1,6 +1,7 @@
 """Seconds of a processor that tests take, as tests/seconds.txt keeps them: one line for each slow test function.
 
-A line is the seconds of all its cases together, and its name; after two spaces and a #, why one case may take long.
+A line is the seconds of all its cases together, and its name; after two spaces and a #, why one case may take long, or
+why it stays slow although it is not always measured so.
 """
 
 import re
@@ -9,15 +10,16 @@ from collections.abc import Iterable
 from pathlib import Path
 
 SECONDS = Path(__file__).with_name("seconds.txt")
-MAX_QUICK, MAX_QUICK_CLOCK = 0.15, 0.5  # seconds of a processor and of a clock that a case of a quick test takes
+MAX_QUICK, MAX_QUICK_CLOCK = 0.4, 1.0  # seconds of a processor and of a clock that a case of a quick test takes
 MAX_TEST = 20.0  # seconds of a processor that a case takes without a reason
 _LINE = re.compile(r"(?P<seconds>\d+\.\d) (?P<name>\S+)(?:  # (?P<why>.+))?")
 _TEST = re.compile(r"^ *def (test_\w+)\(", re.M)
 
 
 def function_of(item: str) -> str:
-    """Returns the name of a test function, of that of one of its cases ("tests/test_it.py::test_it[case]")."""
-    return item.split("[")[0]
+    """Returns the name of a test function, of that of one of its cases ("tests/test_it.py::TestIt::test_it[case]")."""
+    file, *_, function = item.split("[")[0].split("::")
+    return f"{file}::{function}"
 
 
 def read_seconds(path: Path = SECONDS) -> dict[str, tuple[float, str]]:
@@ -42,7 +44,7 @@ def list_tests(file: Path) -> list[str]:
 
 
 def renew_seconds(times: Iterable[str], root: Path, path: Path = SECONDS, *, quick: bool = False) -> None:
-    """Writes what was measured; what is gone leaves, and what takes less than half of a quick test's limit.
+    """Writes what was measured. What is gone leaves, and what has become quick, unless it has a reason.
 
     times: one case a line: seconds of a processor, seconds of a clock, name
     quick: few examples of each property were tried, so what was measured says nothing of the whole
@@ -53,7 +55,7 @@ def renew_seconds(times: Iterable[str], root: Path, path: Path = SECONDS, *, qui
         cases[function_of(name.strip())].append((float(processor), float(clock)))
     for name, took in cases.items():
         share = max(max(one / MAX_QUICK, clock / MAX_QUICK_CLOCK) for one, clock in took)
-        if name in known and share < 0.5 and not quick:
+        if name in known and share < 0.5 and not quick and not known[name][1]:
             del known[name]
         elif name in known or (quick and share > 1):
             known[name] = sum(one for one, _ in took), known.get(name, (0.0, ""))[1]

@@ -101,7 +101,6 @@ def test_planning_waits_for_whoever_compiles(tmp_path: Path) -> None:
     assert not waiting.is_alive()
 
 
-@pytest.mark.slow
 def test_a_plan_finds_all_of_its_loops_compiled(tmp_path: Path) -> None:
     """What `argument_types` tell is what planning gives: else each command would compile on."""
     photograph = tmp_path / "coffee.png"

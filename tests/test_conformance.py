@@ -232,7 +232,6 @@ def test_what_cannot_be_tried_is_refused() -> None:
         fp.plugins.check("frida-painter", seconds=float("nan"))
 
 
-@pytest.mark.slow
 def test_all_of_ours_conform() -> None:
     found = fp.plugins.check("frida-painter")
     assert [str(one) for one in found if not one.passed] == []
@@ -242,7 +241,6 @@ def test_all_of_ours_conform() -> None:
     }  # fmt: skip
 
 
-@pytest.mark.slow
 def test_the_example_s_parts_conform(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,7 +9,6 @@ import tomllib
 from importlib.metadata import packages_distributions, requires
 from pathlib import Path
 
-import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -32,7 +31,9 @@ def declared() -> set[str]:
 def extras() -> set[str]:
     """What is installed for one robot, camera, page or kind of goal only, and imported when that is used."""
     optional = tomllib.loads(PYPROJECT.read_text())["project"]["optional-dependencies"]
-    return {plain(name) for extra, names in optional.items() if extra not in ("dev", "docs") for name in names}
+    return {
+        plain(name) for extra, names in optional.items() if extra not in ("dev", "nightly", "docs") for name in names
+    }
 
 
 @functools.cache
@@ -86,7 +87,6 @@ def imported(*, when_connecting: bool = False) -> dict[str, set[str]]:
     return found
 
 
-@pytest.mark.slow
 def test_everything_that_is_imported_is_declared() -> None:
     known = packages_distributions()
     for module, files in imported().items():
@@ -94,7 +94,6 @@ def test_everything_that_is_imported_is_declared() -> None:
         assert distributions & declared(), f"{module}, imported by {sorted(files)}, is not in pyproject.toml"
 
 
-@pytest.mark.slow
 def test_what_is_imported_when_connecting_is_an_extra_or_needed_anyway() -> None:
     known = packages_distributions()
     for module, files in imported(when_connecting=True).items():
@@ -102,7 +101,6 @@ def test_what_is_imported_when_connecting_is_an_extra_or_needed_anyway() -> None
         assert distributions & (declared() | extras()), f"{module}, imported by {sorted(files)}, is in no extra"
 
 
-@pytest.mark.slow
 def test_everything_that_is_declared_is_imported() -> None:
     known = packages_distributions()
     used = {plain(name) for module in imported() for name in known.get(module, [])}
@@ -111,7 +109,6 @@ def test_everything_that_is_declared_is_imported() -> None:
     assert extras() <= later, f"{sorted(extras() - later)} are installed for nothing"
 
 
-@pytest.mark.slow
 def test_the_command_line_does_not_load_what_only_tests_need() -> None:
     """In a process of its own: what was loaded before by other tests does not count."""
     program = (
@@ -146,7 +143,6 @@ def test_the_lock_has_one_version_of_everything_that_is_declared() -> None:
         assert name == "frida-painter" or each.specifier.contains(lock[name]), f"{each}: say `make pins`"
 
 
-@pytest.mark.slow
 def test_the_lock_has_all_that_installed_packages_need() -> None:
     """Packages that are not for this machine are looked at when the lock is renewed."""
     lock, needed = locked(), {"frida-painter"}

@@ -85,7 +85,6 @@ def origin(annotation: Any) -> Any:
     return getattr(annotation, "__origin__", annotation)
 
 
-@pytest.mark.slow
 def test_no_public_function_takes_one_form_alone() -> None:
     assert sorted(faults()) == []
 
@@ -101,7 +100,6 @@ def strokes() -> fp.Strokes:
     return fp.Strokes.from_array([[0.03, 0.05, 0.2, 0.04, 0.0, 0.5, 0.8, 0.1, 0.1]])
 
 
-@pytest.mark.slow
 def test_a_canvas_has_many_forms(strokes: fp.Strokes) -> None:
     same = [fp.render_batch("fine", strokes, canvas, rows=45).picture for canvas in ("12x9cm", CanvasSize(0.12, 0.09))]
     assert torch.equal(*same)

@@ -13,7 +13,6 @@ def sheet(rows: int = 120, columns: int = 160) -> torch.Tensor:
     return paper
 
 
-@pytest.mark.slow
 def test_a_clean_drawing_stays_as_it_is() -> None:
     torch.testing.assert_close(clean_drawing(sheet()), sheet())
 
@@ -52,7 +51,6 @@ def test_fine_lines_become_as_broad_as_asked_and_broad_ones_stay() -> None:
     assert torch.equal(broaden_lines(torch.ones(3, 30, 40), 0.1), torch.ones(3, 30, 40))
 
 
-@pytest.mark.slow
 def test_what_lines_enclose_is_filled_with_the_style_s_colors() -> None:
     bands = torch.tensor([[0.9, 0.9, 0.8], [0.9, 0.2, 0.1], [0.1, 0.1, 0.1]]).repeat_interleave(20, 0)
     style = bands.T[:, :, None].expand(-1, -1, 60)

@@ -36,7 +36,6 @@ def test_what_was_written_is_read_again_and_goes_on(tmp_path: Path) -> None:
     assert {item.name for item in tmp_path.iterdir()} == {"journal", ".journal-tally"}, "the reserve is given back"
 
 
-@pytest.mark.slow
 def test_killed_at_every_byte_of_a_write_the_tail_is_dropped_and_all_before_is_whole(tmp_path: Path) -> None:
     """Fault F3: a process is killed at any byte of a write."""
     path = tmp_path / "journal"

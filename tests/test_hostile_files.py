@@ -138,7 +138,6 @@ def painting(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_a_painting_with_any_wrong_value_is_resumed_or_refused(painting: Path) -> None:
     settings, journal = painting / "settings.json", EventLog.read(painting / "journal")
     kept = json.loads(settings.read_text())
@@ -194,7 +193,6 @@ def test_a_zero_byte_in_the_settings_is_one_sentence(painting: Path, monkeypatch
     assert end.value.code == 2 and told.count("\n") == 1 and "studio_canvas" in told
 
 
-@pytest.mark.slow
 def test_records_with_any_wrong_value_are_read_or_refused(painting: Path, tmp_path: Path) -> None:
     spec = painting_folder.read_spec(painting)
     RunRecord.begin(painting, "plan", spec, ("fine",), "cpu").finish(plan="x")

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -187,7 +187,6 @@ def corpus() -> list[bytes]:
     return written
 
 
-@settings(max_examples=min(250, settings.default.max_examples), deadline=None)
 @given(
     content=st.sampled_from(corpus()),
     changes=st.lists(st.tuples(st.integers(0, 2**16), st.integers(0, 255)), max_size=6),
@@ -234,7 +233,6 @@ def test_bytes_and_back() -> None:
     assert images.to_uint8(torch.tensor([-1.0, 0.5, 2.0]).reshape(3, 1, 1)).flatten().tolist() == [0, 128, 255]
 
 
-@settings(max_examples=min(60, settings.default.max_examples), deadline=None)
 @given(*(st.integers(1, 60) for _ in range(4)), st.integers(0, 2**31))
 def test_fit_has_the_asked_shape_and_keeps_the_range(
     height: int, width: int, rows: int, columns: int, seed: int
@@ -273,7 +271,6 @@ def test_fit_averages_over_area_when_it_makes_smaller() -> None:
     assert (images.fit(checks, 50, 50) - 0.5).abs().max() < 0.01
 
 
-@settings(max_examples=40, deadline=None)
 @given(*(st.integers(1, 40) for _ in range(2)), *(st.integers(1, 5) for _ in range(2)), st.integers(0, 2**31))
 def test_averaged_pixels_are_the_means_of_their_areas(
     rows: int, columns: int, taller: int, wider: int, seed: int
@@ -286,7 +283,6 @@ def test_averaged_pixels_are_the_means_of_their_areas(
     assert (images.resize_by_area(image, rows, columns) - areas).abs().max() < 1e-5
 
 
-@settings(max_examples=40, deadline=None)
 @given(*(st.integers(1, 60) for _ in range(4)), st.integers(0, 2**31))
 def test_averaged_has_the_shape_and_the_range_of_fit(
     height: int, width: int, rows: int, columns: int, seed: int

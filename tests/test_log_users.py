@@ -74,7 +74,6 @@ def ends(content: bytes) -> list[int]:
     return [number for number, byte in enumerate(content, 1) if byte == ord("\n")]
 
 
-@pytest.mark.slow
 def test_torn_at_every_byte_all_that_was_whole_is_there_and_it_goes_on(tmp_path: Path, user: User) -> None:
     user.add(tmp_path, COUNT)
     path = (tmp_path / "log").resolve()

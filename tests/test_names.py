@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 import frida_painter
 from test_house import SOURCES
 
@@ -43,7 +41,6 @@ def doubles(places: dict[str, list[str]]) -> set[str]:
     return {name for name, found in places.items() if len(found) > 1}
 
 
-@pytest.mark.slow
 def test_limits_are_called_max_and_min() -> None:
     files = [
         path for folder in ("src", "tests", "benchmarks", "examples", "tools") for path in (ROOT / folder).rglob("*.py")

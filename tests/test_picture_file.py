@@ -502,7 +502,6 @@ print(read, refused)
 """
 
 
-@pytest.mark.slow
 def test_a_thousand_damaged_pictures_give_a_picture_or_a_sentence(tmp_path: Path) -> None:
     """In a process of its own, so that a crash is seen; nothing is said to the standard error. Fault F24."""
     contents = [case[0] for case in CORPUS.values()] + [path.read_bytes() for path in sorted(HEIC.glob("*.heic"))]

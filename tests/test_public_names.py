@@ -34,7 +34,6 @@ def modules_after(program: str) -> set[str]:
     return set(json.loads(done.stdout.splitlines()[-1]))
 
 
-@pytest.mark.slow
 def test_the_names_are_few_and_each_is_explained() -> None:
     assert 1 <= len(frida_painter.__all__) <= MAX_NAMES
     assert frida_painter.__all__ == sorted(frida_painter.__all__)
@@ -117,7 +116,6 @@ def test_the_package_alone_loads_nothing() -> None:
     assert len(loaded) < 120
 
 
-@pytest.mark.slow
 def test_a_painting_loads_neither_calibration_procedures_nor_a_simulated_studio() -> None:
     """The studio is the business of the easel's process."""
     loaded = modules_after("from frida_painter.cli import painting; from frida_painter.runs.run import PaintingRun")
@@ -128,7 +126,6 @@ def test_a_painting_loads_neither_calibration_procedures_nor_a_simulated_studio(
     assert not {name for name in ours if name.startswith("virtual")}
 
 
-@pytest.mark.slow
 def test_the_planner_loads_no_network_and_no_rare_format() -> None:
     loaded = modules_after("from frida_painter import Planner")
     assert "torch" in loaded and "frida_painter.planning.planner" in loaded

@@ -78,7 +78,6 @@ CHILDREN = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("child", CHILDREN)
 def test_no_process_loads_code_from_the_current_folder(
     child: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -103,7 +102,6 @@ def test_no_process_loads_code_from_the_current_folder(
     assert (loaded(place), done.returncode) == ([], status), done.stderr.decode()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", ["LocalEngine", "RayEngine"])
 def test_no_process_of_a_sweep_loads_code_from_the_current_folder(engine: str, place: Path, tmp_path: Path) -> None:
     if engine == "RayEngine":
@@ -116,7 +114,6 @@ def test_no_process_of_a_sweep_loads_code_from_the_current_folder(engine: str, p
     assert (loaded(place), done.stdout) == ([], "3\n"), done.stderr
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("path", "word", "said"), [("", "doctor", "marlin"), (os.pathsep, "--help", "resume")])
 def test_the_program_loads_no_code_from_the_current_folder(path: str, word: str, said: str, place: Path) -> None:
     """Python itself loads modules of its own before it asks ours, which can do nothing about that."""

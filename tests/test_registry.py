@@ -82,7 +82,6 @@ def test_a_name_of_ours_stays_ours_and_two_others_that_share_one_are_both_named(
         known["golem"].load(RobotKind)
 
 
-@pytest.mark.slow
 def test_names_are_listed_without_anything_that_computes_or_drives(tmp_path: Path) -> None:
     """In a process of its own: what was loaded before by other tests does not count."""
     program = (

@@ -44,8 +44,12 @@ GROUP = 60.0  # seconds of a processor that the tests of a group take, more or l
 QUICK_GROUP = 12.0
 ANY_TEST = 0.03  # seconds of a processor that a test function takes that is not in tests/seconds.txt
 QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
-# What is loaded once. None of it is a plugin of pytest, which has to load those itself.
-LARGE = ("torch", "numba", "scipy.stats", "cv2", "pydantic", "frida_painter.cli.commands", "frida_painter.web.server")
+# What is loaded once.
+LARGE = (
+    *("torch", "numba", "scipy.stats", "cv2", "pydantic", "transformers"),
+    *("hypothesis.strategies", "hypothesis.extra.numpy"),
+    *("frida_painter.cli.commands", "frida_painter.web.server", "frida_painter.easel.host", "support.small_world"),
+)
 MAX_JOBS = 6  # each may take 2 GB of memory
 NO_TESTS = 5  # exit status of pytest
 # What PyTorch, its two libraries of kernels, numba, NumPy's linear algebra, OpenCV and libvips read as they are loaded.

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter import tensor_file
@@ -19,7 +19,6 @@ def saved(tmp_path: Path) -> Path:
     return tmp_path / "small.safetensors"
 
 
-@pytest.mark.slow
 def test_maps_have_the_frames_cells_and_are_magnitudes():
     maps = StrokeField.fresh(SMALL)(*shapes(70)).detach()
     assert maps.shape == (70, SMALL.frame.rows, SMALL.frame.columns)
@@ -116,14 +115,12 @@ def seen(place, length, bend, blend=BLEND):
 
 
 @given(st.floats(-0.02, 0.06), st.floats(-0.02, 0.02), st.floats(0.01, 0.05))
-@settings(max_examples=min(30, settings.default.max_examples), deadline=None)
 def test_along_a_straight_path_the_view_is_exact(x, y, length):
     view = seen([[x, y]], length, 0.0)
     torch.testing.assert_close(torch.stack((view.along, view.ahead, view.aside)), _column(x, length - x, y))
 
 
 @given(st.floats(-0.02, 0.06), st.floats(-0.02, 0.02), st.floats(-0.02, 0.02))
-@settings(max_examples=min(30, settings.default.max_examples), deadline=None)
 def test_a_mirrored_stroke_sees_a_mirrored_place_on_its_other_side(x, y, bend):
     one, other = seen([[x, y]], 0.03, bend), seen([[x, -y]], 0.03, -bend)
     torch.testing.assert_close(one.along, other.along)

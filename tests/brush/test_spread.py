@@ -4,7 +4,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter import tensor_file
@@ -21,7 +21,6 @@ from marks import SMALL, shapes, small_library
 
 
 @given(share=st.floats(0.0, 1.0), full=st.floats(0.5, 1.0), seed=st.integers(0, 2**31))
-@settings(max_examples=min(30, settings.default.max_examples), deadline=None)
 def test_the_variance_is_that_of_a_number_which_never_leaves_its_range(share: float, full: float, seed: int) -> None:
     mean = torch.rand(50, generator=torch.Generator().manual_seed(seed))
     variance = CoverageSpread(share, full).variance(mean)
@@ -46,7 +45,6 @@ def test_what_says_nothing_of_variance_is_certain_and_its_only_mark_the_median()
     assert median_of(model) is model
 
 
-@pytest.mark.slow
 def test_a_table_varies_as_its_model_and_shows_the_mean(tmp_path: Path) -> None:
     model = StrokeField.fresh(SMALL)
     model.varies.copy_(torch.tensor((0.4, 0.9)))
@@ -77,7 +75,6 @@ def test_weights_of_the_first_version_are_read_and_take_the_median_for_the_mean(
     torch.testing.assert_close(again.median(*shapes(3)), model.median(*shapes(3)).detach())
 
 
-@pytest.mark.slow
 def test_the_field_learns_how_marks_vary_better_than_by_one_number_for_all_places() -> None:
     model = StrokeField.fresh(SMALL)
     train_field(model, astray(30), epochs=20)

@@ -14,7 +14,6 @@ def table() -> StrokeTable:
     return StrokeTable.of(ribbon(), detail=DETAIL)
 
 
-@pytest.mark.slow
 def test_it_stands_in_for_its_model(table):
     model = ribbon()
     assert (table.brush, table.frame, table.limits) == (model.brush, model.frame, model.limits)
@@ -23,7 +22,6 @@ def test_it_stands_in_for_its_model(table):
     assert error.mean() < 0.01
 
 
-@pytest.mark.slow
 def test_it_stands_in_for_the_shipped_network_as_well_as_the_docs_say():
     model = load_stroke_model("broad")
     thickness, along, aside = torch.rand(3, 100, generator=torch.Generator().manual_seed(5))
@@ -33,7 +31,6 @@ def test_it_stands_in_for_the_shipped_network_as_well_as_the_docs_say():
     assert error.mean() < 0.002
 
 
-@pytest.mark.slow
 def test_slopes_are_those_of_the_value():
     table = StrokeTable.of(ribbon(12, 20).double(), torch.zeros((), dtype=torch.float64), DETAIL)
     thickness, length, bend = (part[:4] for part in shapes(8, seed=2, dtype=torch.float64))
@@ -86,7 +83,6 @@ def test_the_compiled_loops_give_what_plain_pytorch_does(parts):
     torch.testing.assert_close(slope, plain_slope, atol=2e-5 * float(plain_slope.abs().amax()), rtol=1e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_windows_hold_all_paint_where_they_say_it_is(dtype):
     table = StrokeTable.of(ribbon().to(dtype), torch.zeros((), dtype=dtype), DETAIL)

@@ -4,16 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter.cli import commands
 from frida_painter.easel.kinds import state_folder
 from frida_painter.hardware.latch import Latch, latch_path
-
-
-def arm(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
-    monkeypatch.setattr("sys.argv", ["frida-painter", "arm", *words])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    return int(end.value.code or 0)
+from support.commandline import run_command
 
 
 def stopped(name: str, reason: str = "Ctrl-C was pressed twice") -> Latch:
@@ -39,7 +32,7 @@ def at_the_terminal(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_nothing_is_stopped(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert arm(monkeypatch) == 0
+    assert run_command("arm") == 0
     assert capsys.readouterr().out == "No robot is stopped.\n"
 
 
@@ -48,7 +41,7 @@ def test_each_robot_is_asked_about_by_itself(
 ) -> None:
     first, second = stopped("virtual studio 0"), stopped("xarm 10.0.0.3", "stroke 3: error 31")
     at_the_terminal += ["", "Y"]
-    assert arm(monkeypatch) == 0
+    assert run_command("arm") == 0
     said = capsys.readouterr().out
     assert "virtual studio 0 stays stopped." in said and "xarm 10.0.0.3 may move again." in said
     assert "stroke 3: error 31" in said
@@ -59,7 +52,7 @@ def test_who_leaves_without_an_answer_arms_nothing(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], at_the_terminal: list[str]
 ) -> None:
     latch = stopped("virtual studio 0")
-    assert arm(monkeypatch) == 2
+    assert run_command("arm") == 2
     assert "stays stopped" in capsys.readouterr().err and latch.read() is not None
 
 
@@ -67,15 +60,15 @@ def test_a_script_has_to_say_that_somebody_looked(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     latch = stopped("virtual studio 0")
-    assert arm(monkeypatch) == 2
+    assert run_command("arm") == 2
     assert "--yes" in capsys.readouterr().err and latch.read() is not None
-    assert arm(monkeypatch, "--yes") == 0 and latch.read() is None
+    assert run_command("arm", "--yes") == 0 and latch.read() is None
 
 
 def test_a_damaged_latch_can_be_released_as_well(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     latch = stopped("virtual studio 0")
     latch.path.write_bytes(b"\x00")
-    assert arm(monkeypatch, "--yes") == 0 and latch.read() is None
+    assert run_command("arm", "--yes") == 0 and latch.read() is None
 
 
 def test_a_stop_that_may_not_be_cleared_does_not_keep_others_from_being_armed(
@@ -90,6 +83,6 @@ def test_a_stop_that_may_not_be_cleared_does_not_keep_others_from_being_armed(
         unlink(path, missing_ok)
 
     monkeypatch.setattr(Path, "unlink", refuse)
-    assert arm(monkeypatch, "--yes") == 2
+    assert run_command("arm", "--yes") == 2
     assert "sudo" in capsys.readouterr().err
     assert others.read() is not None and own.read() is None

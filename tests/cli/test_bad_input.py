@@ -25,17 +25,10 @@ from frida_painter.cli.stop_signal import stop_on_signals
 from frida_painter.errors import ConfigError, RobotStopped
 from frida_painter.hardware.workcell import example
 from frida_painter.plan import VERSION
+from support.commandline import run_command
 from support.plans import made_up_plan
 
 MAX_WIDE = 40_000
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
-    """Runs the command in this process, and returns its exit status."""
-    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    return int(end.value.code or 0)
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -50,7 +43,7 @@ def refuse(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
 
     def refused(*words: str) -> str:
         before = contents(tmp_path)
-        status = run(monkeypatch, *words)
+        status = run_command(*words)
         told = capsys.readouterr()
         assert status == 2, (told.out, told.err)
         assert told.out == ""
@@ -165,7 +158,6 @@ def test_more_replans_than_there_are_looks(replans: str, refuse: Callable[..., s
     assert f"{replans} replans for 5 strokes" in message and "at most 4" in message
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("command", ["paint", "plan"])
 def test_photographs_that_are_none(command: str, refuse: Callable[..., str], tmp_path: Path, photo: str) -> None:
     whole = tmp_path / "whole.jpg"
@@ -332,7 +324,7 @@ def test_what_is_said_in_several_lines_arrives_so(
         raise ConfigError("Something was changed:\n  seed: it was 1\x1b, and is 2\nChange it back.")
 
     monkeypatch.setattr(commands, "build", lambda: refused)
-    assert run(monkeypatch, "resume") == 2
+    assert run_command("resume") == 2
     told = capsys.readouterr().err
     assert told.splitlines()[1:] == ["  seed: it was 1\N{REPLACEMENT CHARACTER}, and is 2", "Change it back."]
 
@@ -403,5 +395,5 @@ def test_a_stop_that_was_asked_for_ends_as_one_and_any_other_is_a_fault(
         raise RobotStopped("dip: nothing moves, the arm was stopped (the stop file stop appeared); arm it", asked=asked)
 
     monkeypatch.setattr(commands, "build", lambda: stopped)
-    assert run(monkeypatch, "resume") == status
+    assert run_command("resume") == status
     assert capsys.readouterr().err.count("nothing moves, the arm was stopped") == 1

@@ -9,32 +9,16 @@ from PIL import Image
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import OF_A_BRUSH, Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.cli import commands
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.runs.calibrating import default_record
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 from frida_painter.virtual.studio import open_studio
+from support.commandline import Command
 
 STUDIO = ("--canvas", "160x120mm", "--brush", "fine", "--seed", "3")
 ASKEW = ("--placement-error", "4mm,2deg")
-Run = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """run(word, ...): exit status, and what was said to stdout and stderr."""
-    monkeypatch.chdir(tmp_path)
-
-    def running(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        return int(end.value.code or 0), told.out, told.err
-
-    return running
 
 
 @pytest.fixture(scope="module")
@@ -44,13 +28,12 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.slow
-def test_procedures_are_entered_one_by_one_and_the_doctor_tells_how_they_stand(run: Run, tmp_path: Path) -> None:
+def test_procedures_are_entered_one_by_one_and_the_doctor_tells_how_they_stand(call: Command, tmp_path: Path) -> None:
     record = ("--record", "cal.json")
-    assert run("doctor", *STUDIO)[0] == 0, "the studio paints without a record"
-    status, out, _ = run("calibrate", "canvas", *STUDIO, *ASKEW, *record)
+    assert call("doctor", *STUDIO)[0] == 0, "the studio paints without a record"
+    status, out, _ = call("calibrate", "canvas", *STUDIO, *ASKEW, *record)
     assert status == 0 and "The canvas was found" in out
-    status, out, _ = run("calibrate", "robot", *STUDIO, *ASKEW, *record)
+    status, out, _ = call("calibrate", "robot", *STUDIO, *ASKEW, *record)
     assert status == 0 and "16 dots" in out
     known = Calibration.load(tmp_path / "cal.json")
     assert list(known.done) == ["canvas", "robot"] and known.easel == "virtual studio 3"
@@ -58,16 +41,15 @@ def test_procedures_are_entered_one_by_one_and_the_doctor_tells_how_they_stand(r
     assert {path.name for path in tmp_path.iterdir()} == {
         "cal.json", "cal.json.prev", "cal-canvas.png", "cal-robot.png"
     }  # fmt: skip
-    status, out, _ = run("doctor", *STUDIO, *record)
+    status, out, _ = call("doctor", *STUDIO, *record)
     assert status == 0 and "would go ahead" in out and out.count("good") == 2 and out.count("never done") == 3
-    assert run("calibrate", "canvas", *STUDIO, *ASKEW, *record)[0] == 0
-    status, out, _ = run("doctor", *STUDIO, *record)
+    assert call("calibrate", "canvas", *STUDIO, *ASKEW, *record)[0] == 0
+    status, out, _ = call("doctor", *STUDIO, *record)
     assert status == 1 and "would be refused" in out and "frida-painter calibrate robot" in out
 
 
-@pytest.mark.slow
-def test_all_five_are_done_in_order(run: Run, tmp_path: Path) -> None:
-    status, out, err = run("calibrate", "all", "--brush", "fine", "--count", 12, "--record", "cal.json")
+def test_all_five_are_done_in_order(call: Command, tmp_path: Path) -> None:
+    status, out, err = call("calibrate", "all", "--brush", "fine", "--count", 12, "--record", "cal.json")
     assert status == 0, err
     known = Calibration.load(tmp_path / "cal.json")
     assert list(known.done) == ["canvas", "robot", "color", "brush", "strokes"]
@@ -81,7 +63,7 @@ def test_all_five_are_done_in_order(run: Run, tmp_path: Path) -> None:
     assert (planner.models["fine"](*shape) - load_stroke_model("fine")(*shape)).abs().mean() > 1e-4
     for name in known.done:
         assert f"{name}: " in out and (tmp_path / f"cal-{name}{'-fine' if name in OF_A_BRUSH else ''}.png").exists()
-    status, out, _ = run("doctor", "--brush", "fine", "--record", "cal.json")
+    status, out, _ = call("doctor", "--brush", "fine", "--record", "cal.json")
     assert status == 0 and out.count("good") == 5
 
 
@@ -93,7 +75,6 @@ def record(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("command", ["paint", "doctor", "calibrate"])
 @pytest.mark.parametrize(
     ("damage", "says"),
@@ -106,7 +87,7 @@ def record(tmp_path: Path) -> Path:
     ids=["cut", "empty", "edited", "something else"],
 )
 def test_a_damaged_record_is_refused(
-    run: Run, record: Path, photo: Path, command: str, damage: Callable[[bytes], bytes], says: str
+    call: Command, record: Path, photo: Path, command: str, damage: Callable[[bytes], bytes], says: str
 ) -> None:
     record.write_bytes(damage(record.read_bytes()))
     before = record.read_bytes()
@@ -115,7 +96,7 @@ def test_a_damaged_record_is_refused(
         "doctor": ("--record", record),
         "calibrate": ("canvas", "--record", record),
     }[command]
-    status, out, err = run(command, *words, *STUDIO)
+    status, out, err = call(command, *words, *STUDIO)
     assert (status, says in out + err) == (1 if command == "doctor" else 2, True)
     assert record.read_bytes() == before and not (record.parent / "paintings").exists()
 
@@ -131,25 +112,25 @@ def test_a_damaged_record_is_refused(
         ),
     ],
 )
-def test_a_foreign_record_is_told_by_the_doctor(run: Run, record: Path, studio: tuple[object, ...], says: str) -> None:
-    status, out, _ = run("doctor", "--record", record, *studio)
+def test_a_foreign_record_is_told_by_the_doctor(
+    call: Command, record: Path, studio: tuple[object, ...], says: str
+) -> None:
+    status, out, _ = call("doctor", "--record", record, *studio)
     assert status == 1 and says in out
 
 
-@pytest.mark.slow
-def test_with_a_foreign_record_nothing_is_begun(run: Run, record: Path, photo: Path) -> None:
+def test_with_a_foreign_record_nothing_is_begun(call: Command, record: Path, photo: Path) -> None:
     studio = ("--brush", "fine", "--seed", 4, "--canvas", "160x120mm")
-    status, _, err = run("paint", photo, "--strokes", 5, "--calibration", record, "--render-height", 64, *studio)
+    status, _, err = call("paint", photo, "--strokes", 5, "--calibration", record, "--render-height", 64, *studio)
     assert status == 2 and "'virtual studio 3', and this is 'virtual studio 4'" in err and err.count("\n") == 1
     assert not (record.parent / "paintings").exists(), "no folder is left behind"
 
 
-def test_a_missing_record_that_was_named_is_told(run: Run, photo: Path) -> None:
-    status, out, _ = run("doctor", "--record", "nowhere.json")
+def test_a_missing_record_that_was_named_is_told(call: Command, photo: Path) -> None:
+    status, out, _ = call("doctor", "--record", "nowhere.json")
     assert status == 1 and "does not exist" in out
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -161,8 +142,8 @@ def test_a_missing_record_that_was_named_is_told(run: Run, photo: Path) -> None:
         (("strokes", "--count", "4"), "4 is not from 5"),
     ],
 )
-def test_what_cannot_be_meant_is_refused(run: Run, tmp_path: Path, words: tuple[str, ...], says: str) -> None:
-    status, out, err = run("calibrate", *words, "--record", "cal.json")
+def test_what_cannot_be_meant_is_refused(call: Command, tmp_path: Path, words: tuple[str, ...], says: str) -> None:
+    status, out, err = call("calibrate", *words, "--record", "cal.json")
     assert status == 2 and says in err and not out and not list(tmp_path.iterdir())
 
 
@@ -171,9 +152,10 @@ def test_without_a_file_every_easel_has_a_record_of_its_own() -> None:
     assert one != other and one.is_absolute() and one.parts[-3:] == ("easels", "virtual-studio-1", "calibration.json")
 
 
-@pytest.mark.slow
-def test_a_person_is_asked_where_they_want_to_be(run: Run, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_person_is_asked_where_they_want_to_be(
+    call: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     lines = iter(["where?", ""])
     monkeypatch.setattr("builtins.input", lambda *_: next(lines))
-    status, out, err = run("calibrate", "canvas", "--ask", *STUDIO, "--record", "cal.json")
+    status, out, err = call("calibrate", "canvas", "--ask", *STUDIO, "--record", "cal.json")
     assert status == 0 and "The canvas was found" in out and "eight numbers" in err

@@ -4,23 +4,16 @@ from pathlib import Path
 import pytest
 
 from frida_painter import images
-from frida_painter.cli import commands
 from frida_painter.cli.controller import examine
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from machines import grbl, marlin
 from machines.bench import tell_zero
 from machines.simulated_time import SimulatedTime, simulated_time
+from support.commandline import run_command
 from support.plans import made_up_plan
 
 __all__ = ["simulated_time"]  # a fixture
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    return int(end.value.code or 0)
 
 
 @pytest.fixture
@@ -41,29 +34,29 @@ def workspace(*changes: tuple[str, str]) -> Path:
     return path
 
 
-def test_the_virtual_studio_takes_every_plan(monkeypatch, plan, capsys) -> None:
-    assert run(monkeypatch, "check", plan) == 0
+def test_the_virtual_studio_takes_every_plan(plan, capsys) -> None:
+    assert run_command("check", plan) == 0
     told = capsys.readouterr().out
     assert "30 strokes in 4 paints: all of it can be painted." in told
     assert re.search(r"The robot takes \d+ min \d\d s without looks and planning: strokes .*, travel .*\.", told)
     assert not Path("check.png").exists()
 
 
-def test_a_plan_that_fits_its_workspace(monkeypatch, plan, capsys) -> None:
-    assert run(monkeypatch, "check", plan, "--workspace", workspace()) == 0
+def test_a_plan_that_fits_its_workspace(plan, capsys) -> None:
+    assert run_command("check", plan, "--workspace", workspace()) == 0
     assert "all of it can be painted" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("robot", ["human", "gcode:/dev/ttyUSB0"])
-def test_a_plan_is_checked_for_a_robot_by_name(monkeypatch, plan, capsys, robot) -> None:
+def test_a_plan_is_checked_for_a_robot_by_name(plan, capsys, robot) -> None:
     words = () if robot == "human" else ("--workspace", workspace())
-    assert run(monkeypatch, "check", plan, "--robot", robot, *words) == 0
+    assert run_command("check", plan, "--robot", robot, *words) == 0
     assert "all of it can be painted" in capsys.readouterr().out
 
 
-def test_strokes_out_of_reach_are_named_and_drawn_in_red(monkeypatch, plan, capsys) -> None:
+def test_strokes_out_of_reach_are_named_and_drawn_in_red(plan, capsys) -> None:
     short = workspace(("farthest = 0.78", "farthest = 0.5"))
-    assert run(monkeypatch, "check", plan, "--workspace", short, "--out", "red.png") == 1
+    assert run_command("check", plan, "--workspace", short, "--out", "red.png") == 1
     told = capsys.readouterr().err
     concerned = re.search(r"(\d+) of 30 strokes are concerned", told)
     assert concerned and 0 < int(concerned[1]) < 30
@@ -75,25 +68,24 @@ def test_strokes_out_of_reach_are_named_and_drawn_in_red(monkeypatch, plan, caps
     assert alarming[:, : width // 4].sum() < 50
 
 
-@pytest.mark.slow
 def test_strokes_that_the_simulated_sawyer_does_not_reach_are_drawn_in_red(monkeypatch, tmp_path, capsys) -> None:
     pytest.importorskip("mink")
     monkeypatch.chdir(tmp_path)
     made_up_plan(6, 2).save(Path("small.json"))
-    assert run(monkeypatch, "check", "small.json", "--robot", "sawyer-sim") == 0
+    assert run_command("check", "small.json", "--robot", "sawyer-sim") == 0
     assert "all of it can be painted" in capsys.readouterr().out
     far = workspace(("corner = [0.30", "corner = [0.75"), ("upper = [0.70", "upper = [1.20"))
-    assert run(monkeypatch, "check", "small.json", "--robot", "sawyer-sim", "--workspace", far) == 1
+    assert run_command("check", "small.json", "--robot", "sawyer-sim", "--workspace", far) == 1
     assert re.search(r"stroke \d: the arm does not reach \(", capsys.readouterr().err)
     red, green, blue = images.load(Path("check.png"))
     assert ((red > 0.7) & (green < 0.2) & (blue < 0.25)).sum() > 500
 
 
-def test_another_canvas_and_missing_wells_are_told_together(monkeypatch, plan, capsys) -> None:
+def test_another_canvas_and_missing_wells_are_told_together(plan, capsys) -> None:
     wells = re.search(r"wells = \[.*?\n\]", example(), re.DOTALL)
     assert wells
     other = workspace((wells[0], "wells = [[0.22, 0.0, 0.118]]"), ("width = 0.3\n", "width = 0.25\n"))
-    assert run(monkeypatch, "check", plan, "--workspace", other) == 1
+    assert run_command("check", plan, "--workspace", other) == 1
     told = capsys.readouterr().err
     assert "the plan is for a canvas of 300 x 200 mm, and the easel's is 250 x 200 mm" in told
     assert "the plan has 4 paints, and the workspace 1 wells" in told
@@ -114,7 +106,7 @@ def test_a_record_is_taken_whether_or_not_a_camera_measured_it(monkeypatch, plan
     if camera != "none":
         known = known.with_canvas(known.corners, known.photograph, camera=camera, canvas=known.canvas, residual=0.1)
     known.save(Path("record.json"))
-    status = run(monkeypatch, *words, "--workspace", "my.toml", "--calibration", "record.json")
+    status = run_command(*words, "--workspace", "my.toml", "--calibration", "record.json")
     assert status == (2 if camera == refused else 0)
     blind = WorkcellConfig.load(Path("my.toml")).calibration("medium", camera="none")
     assert examine(Path("record.json"), blind, named=True), (
@@ -122,9 +114,9 @@ def test_a_record_is_taken_whether_or_not_a_camera_measured_it(monkeypatch, plan
     )
 
 
-def test_a_record_of_another_brush_is_refused(monkeypatch, plan, capsys, tmp_path) -> None:
+def test_a_record_of_another_brush_is_refused(plan, capsys, tmp_path) -> None:
     WorkcellConfig.load(workspace()).calibration("fine").save(tmp_path / "record.json")
-    assert run(monkeypatch, "check", plan, "--workspace", "my.toml", "--calibration", "record.json") == 2
+    assert run_command("check", plan, "--workspace", "my.toml", "--calibration", "record.json") == 2
     assert "fine" in capsys.readouterr().err
 
 
@@ -145,26 +137,26 @@ def test_a_record_of_another_brush_is_refused(monkeypatch, plan, capsys, tmp_pat
         (("workspace", "draw", "nowhere.toml"), "nowhere.toml does not exist"),
     ],
 )
-def test_what_cannot_be_checked_is_refused_in_a_sentence(monkeypatch, plan, capsys, words, says) -> None:
+def test_what_cannot_be_checked_is_refused_in_a_sentence(plan, capsys, words, says) -> None:
     Path("bad.toml").write_text(example().replace("width = 0.3556", "width = nan"))
     Path("good.toml").write_text(example())
-    assert run(monkeypatch, *words) == 2
+    assert run_command(*words) == 2
     told = capsys.readouterr().err
     assert says in told and told.count("\n") == 1
 
 
 def test_the_example_can_be_redirected_and_drawn(monkeypatch, tmp_path, capsys) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(monkeypatch, "workspace", "example") == 0
+    assert run_command("workspace", "example") == 0
     Path("mine.toml").write_text(capsys.readouterr().out)
-    assert run(monkeypatch, "workspace", "draw", "mine.toml") == 0
+    assert run_command("workspace", "draw", "mine.toml") == 0
     assert "my easel: 12 wells, canvas of 356 x 279 mm" in capsys.readouterr().out
     drawing = images.load(Path("workspace.png"))
     assert drawing.shape[2] > 1000 and float(drawing.std()) > 0.03
 
 
-def test_a_controller_that_does_not_answer_is_told(monkeypatch, plan, capsys) -> None:
-    assert run(monkeypatch, "check", plan, "--robot", "gcode:/dev/nobody", "--workspace", workspace()) == 0
+def test_a_controller_that_does_not_answer_is_told(plan, capsys) -> None:
+    assert run_command("check", plan, "--robot", "gcode:/dev/nobody", "--workspace", workspace()) == 0
     told = capsys.readouterr().out
     assert "Its controller could not be asked, so its own limits are not checked: " in told
     assert "all of it can be painted" in told
@@ -177,27 +169,27 @@ def _seconds(told: str) -> int:
     return 3600 * hours + 60 * minutes + seconds
 
 
-def test_a_slow_controller_is_asked_for_its_speeds(simulated_time: SimulatedTime, monkeypatch, plan, capsys) -> None:
+def test_a_slow_controller_is_asked_for_its_speeds(simulated_time: SimulatedTime, plan, capsys) -> None:
     machine = grbl.GrblController(grbl.GRBL)  # 500 mm/min and 10 mm/s2, as it comes
     cable = simulated_time.attach(machine)
-    assert run(monkeypatch, "check", plan, "--robot", f"gcode:{cable.name}", "--workspace", workspace()) == 0
+    assert run_command("check", plan, "--robot", f"gcode:{cable.name}", "--workspace", workspace()) == 0
     slow = capsys.readouterr().out
     assert "Warning: The machine cannot do the painting speed of 60 mm/s: its controller allows 8.33 mm/s" in slow
-    assert run(monkeypatch, "check", plan, "--workspace", "my.toml") == 0
+    assert run_command("check", plan, "--workspace", "my.toml") == 0
     assert _seconds(slow) > 3 * _seconds(capsys.readouterr().out)
     assert not machine.moved
 
 
-def test_what_is_beyond_a_machines_own_limits_is_told(simulated_time: SimulatedTime, monkeypatch, plan, capsys) -> None:
+def test_what_is_beyond_a_machines_own_limits_is_told(simulated_time: SimulatedTime, plan, capsys) -> None:
     build = marlin.Build(lowest=(-1000, -1000, -135), highest=(1000, 1000, 400))
     machine = marlin.MarlinController(build)
     cable = simulated_time.attach(machine)
     place = workspace()
     words = ("check", plan, "--robot", f"marlin:{cable.name}", "--workspace", place)
-    assert run(monkeypatch, *words) == 0, "its zero is not known: only its travel counts"
+    assert run_command(*words) == 0, "its zero is not known: only its travel counts"
     tell_zero(Gcode("marlin"), cable.name, (0.0, 0.0, 0.25))  # it ends 135 mm below; the hardest press is at 108 mm
     capsys.readouterr()
-    assert run(monkeypatch, *words) == 1
+    assert run_command(*words) == 1
     told = capsys.readouterr().err
     assert re.search(r"stroke \d+: z = 0\.1\d* m at waypoint \d+; the machine's own limits are 115\.0 to", told), told
     assert "What to do: move the canvas into its travel, or change its limits if they are wrong" in told
@@ -205,21 +197,19 @@ def test_what_is_beyond_a_machines_own_limits_is_told(simulated_time: SimulatedT
 
 
 def test_a_machine_with_too_little_travel_is_told_before_its_zero_is_found(
-    simulated_time: SimulatedTime, monkeypatch, plan, capsys
+    simulated_time: SimulatedTime, plan, capsys
 ) -> None:
     small = {**grbl.QUICK, "20": 1, "130": 200.0, "131": 900.0, "132": 300.0}
     machine = grbl.GrblController(grbl.GRBL, small)
     cable = simulated_time.attach(machine)
-    assert run(monkeypatch, "check", plan, "--robot", f"gcode:{cable.name}", "--workspace", workspace()) == 1
+    assert run_command("check", plan, "--robot", f"gcode:{cable.name}", "--workspace", workspace()) == 1
     told = capsys.readouterr().err
     assert re.search(r"needs \d+\.\d mm along x, and the machine's own limits leave 200\.0 mm of travel", told), told
     assert not machine.moved
 
 
-def test_a_machine_that_cannot_paint_like_this_is_told(
-    simulated_time: SimulatedTime, monkeypatch, plan, capsys
-) -> None:
+def test_a_machine_that_cannot_paint_like_this_is_told(simulated_time: SimulatedTime, plan, capsys) -> None:
     cable = simulated_time.attach(grbl.GrblController(grbl.GRBL))
     name = f"gcode:{cable.name},sinks=yes"
-    assert run(monkeypatch, "check", plan, "--robot", name, "--workspace", workspace()) == 1
+    assert run_command("check", plan, "--robot", name, "--workspace", workspace()) == 1
     assert "the brush would sink" in capsys.readouterr().err

@@ -84,7 +84,6 @@ def help_pages() -> list[tuple[str, ...]]:
     return pages
 
 
-@pytest.mark.slow
 def test_help_loads_no_more_than_it_shows() -> None:
     pages = [(*page, "--help") for page in help_pages()]
     done = subprocess.run(

@@ -56,7 +56,6 @@ def test_nobody_there_is_one_sentence(tmp_path: Path) -> None:
     assert not is_machine("virtual") and is_machine("gcode:/dev/ttyUSB0")
 
 
-@pytest.mark.slow
 def test_doctor_prints_it_and_its_status_says_if_it_can_paint(tmp_path: Path) -> None:
     with Living(GrblController(GRBL)) as line:
         for options, status in (("", 0), (",sinks=yes", 1)):

@@ -9,7 +9,6 @@ import torch
 from PIL import Image
 
 from frida_painter import images
-from frida_painter.cli import commands
 from frida_painter.cli.options import read_goal_options
 from frida_painter.errors import ConfigError, FridaError, WeightsError
 from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
@@ -20,6 +19,7 @@ from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.words.retrieval import picture_index
 from frida_painter.words.text import TextTerm
+from support.commandline import run_command
 from support.networks import QuickEncoders
 from support.planning import picture
 
@@ -138,7 +138,6 @@ def test_nothing_and_too_much(photo: Path, waves: Path) -> None:
         goal_of(photo, {"style": [waves] * 20})
 
 
-@pytest.mark.slow
 def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
     photo: Path,
     waves: Path,
@@ -150,10 +149,7 @@ def test_a_styled_painting_says_what_it_was_and_through_what_it_was_seen(
     out = tmp_path / "out"
     words = ["paint", str(photo), "--style", str(waves), "--style-weight", "2", "--strokes", "6", "--replans", "1"]
     words += ["--effort", "0.05", "--render-height", "64", "--no-film", "--out", str(out)]
-    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    assert not end.value.code
+    assert run_command(*words) == 0
     assert "Seeing style through random mixtures (better: VGG16)" in capsys.readouterr().err
     settings = json.loads((out / "result.json").read_text())["settings"]
     assert settings["goal"] == [["Picture", "photo.png"], ["Style of", "waves.png (weight 2)"]]
@@ -185,7 +181,6 @@ def test_a_sketch_and_a_blank_sheet(photo: Path) -> None:
         goal_of(photo, {"sketch": [drawn]})
 
 
-@pytest.mark.slow
 def test_words_are_painted_without_any_photograph(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -194,10 +189,7 @@ def test_words_are_painted_without_any_photograph(
     out = tmp_path / "out"
     words = ["paint", "--text", "a <script>alert(1)</script> ship", "--strokes", "5", "--replans", "1"]
     words += ["--effort", "0.05", "--render-height", "64", "--out", str(out)]
-    monkeypatch.setattr("sys.argv", ["frida-painter", *words])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    assert not end.value.code
+    assert run_command(*words) == 0
     said = capsys.readouterr().err
     assert "Seeing words through a bag of words (better: CLIP)" in said and "--pictures or --image" in said
     assert "not shown: " in said

@@ -9,16 +9,18 @@ import pytest
 import torch
 
 from frida_painter import images
-from frida_painter.cli import commands, imagining
+from frida_painter.cli import imagining
 from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
 from frida_painter.picture_makers import making as picture_making
 from frida_painter.picture_makers.making import MadePicture, Making
+from support.commandline import Command
 from tiny_pipelines import fetch_imagine
 
 PAINTER = """
 import sys
 from PIL import Image, ImageDraw
+from support.commandline import Command
 words, seed, out = sys.argv[1], int(sys.argv[2]), sys.argv[3]
 picture = Image.new("RGB", (64, 48), (120, 170, 220))
 ImageDraw.Draw(picture).rectangle((10 * seed, 10, 10 * seed + 8, 40), fill=(200, 40, 30))
@@ -29,22 +31,17 @@ SMALL = ("--strokes", 8, "--colors", 2, *CHEAP, "--effort", 0.05, "--out", "plan
 
 
 @pytest.fixture
-def say(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+def say(tmp_path: Path, call: Command) -> Callable[..., str]:
     """say(word, ...): exit status and all that the command says, as text."""
-    monkeypatch.chdir(tmp_path)
     (tmp_path / "maker.py").write_text(PAINTER)
 
     def saying(*words: object) -> str:
-        monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        return f"{end.value.code or 0}: {told.err}{told.out}"
+        said = call(*words)
+        return f"{said.status}: {said.err}{said.out}"
 
     return saying
 
 
-@pytest.mark.slow
 def test_a_plan_from_words_by_a_program(say: Callable[..., str], tmp_path: Path) -> None:
     maker = f"command:{sys.executable} maker.py {{words}} {{seed}} {{out}}"
     asked = ("--text", "a red tower", "--imagine", maker, "--imagine-pictures", 1)
@@ -55,7 +52,6 @@ def test_a_plan_from_words_by_a_program(say: Callable[..., str], tmp_path: Path)
     assert '= "1/a-red-tower-1.png"' in (tmp_path / "planned" / "goal" / "goal.toml").read_text()
 
 
-@pytest.mark.slow
 def test_the_fetched_generator_makes_the_first_picture_of_words(
     say: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

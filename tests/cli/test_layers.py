@@ -16,8 +16,6 @@ from killing import ForkedCommand, kill_when
 from session.easel_errands import until
 from support import data
 
-pytestmark = pytest.mark.slow
-
 SMALL = (
     *("--strokes", "8", "--brushes", "broad:50%,medium:50%", "--colors", "2", "--replans", "1", "--no-film"),
     *("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05"),

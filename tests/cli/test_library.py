@@ -5,26 +5,9 @@ import pytest
 
 from frida_painter import images
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.cli import commands
 from marks import small_library
 
 
-@pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
-    """call(word, ...): exit status, what the command says, and what it complains about."""
-    monkeypatch.chdir(tmp_path)
-
-    def calling(*words):
-        monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        return end.value.code or 0, told.out, told.err
-
-    return calling
-
-
-@pytest.mark.slow
 def test_a_library_is_painted_with_its_contact_sheet(call, tmp_path):
     status, said, _ = call("strokes", "paint", "--brush", "fine", "--count", 2, "--out", "mine.npz")
     assert status == 0 and "2 strokes of brush fine" in said and "mine.png" in said

@@ -4,17 +4,10 @@ from pathlib import Path
 import pytest
 
 from frida_painter import images
-from frida_painter.cli import commands
 from frida_painter.palette import Palette
 from plugins import install_own_parts
+from support.commandline import run_command
 from support.plans import made_up_plan
-
-
-def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
-    monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    return int(end.value.code or 0)
 
 
 @pytest.fixture(autouse=True)
@@ -22,29 +15,28 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
 
 
-@pytest.mark.slow
-def test_a_plan_is_told_with_amounts_and_as_a_sheet(monkeypatch, capsys) -> None:
+def test_a_plan_is_told_with_amounts_and_as_a_sheet(capsys) -> None:
     made_up_plan(60, 5).save(Path("plan.json"))
-    assert run(monkeypatch, "mix", "plan.json") == 0
+    assert run_command("mix", "plan.json") == 0
     told = capsys.readouterr().out
     assert told.count("#") == 5 and " ml" in told and "titanium white" in told and "The sheet: mixing.png" in told
     assert images.load(Path("mixing.png")).shape == (3, 1754, 1240)
-    assert run(monkeypatch, "mix", ".", "--out", "again.jpg") == 0 and Path("again.jpg").exists()
+    assert run_command("mix", ".", "--out", "again.jpg") == 0 and Path("again.jpg").exists()
 
 
-def test_each_filling_of_the_wells_is_told_on_its_own(monkeypatch, capsys) -> None:
+def test_each_filling_of_the_wells_is_told_on_its_own(capsys) -> None:
     made_up_plan(40, 3).under(made_up_plan(20, 2, seed=5)).save(Path("plan.json"))
-    assert run(monkeypatch, "mix", "plan.json") == 0
+    assert run_command("mix", "plan.json") == 0
     first, second = capsys.readouterr().out.split("Fill the wells anew before layer 2:")
     assert (first.count("#"), second.count("#")) == (3, 2)
     assert "The sheet: mixing.png" in first and "The sheet: mixing-layer-2.png" in second
     assert Path("mixing-layer-2.png").exists()
 
 
-def test_a_palette_and_one_s_own_paints(monkeypatch, capsys) -> None:
+def test_a_palette_and_one_s_own_paints(capsys) -> None:
     Path("mixed.json").write_text(json.dumps({"paints": ["#c9ab8a", "#000000"]}))
     Path("mine.toml").write_text("[[paint]]\nname='titanium white'\n[[paint]]\nname='brown'\ncolor='#8a5a2b'\n")
-    assert run(monkeypatch, "mix", "mixed.json", "--paints", "mine.toml", "--most", "2") == 0
+    assert run_command("mix", "mixed.json", "--paints", "mine.toml", "--most", "2") == 0
     told = capsys.readouterr().out
     assert "brown" in told and "titanium white" in told and " ml" not in told
     assert "Out of reach of these paints (more than 5 CIEDE2000 off): " in told
@@ -63,9 +55,9 @@ def test_a_palette_and_one_s_own_paints(monkeypatch, capsys) -> None:
         ("[" * 100_000, ""),
     ],
 )
-def test_palettes_that_are_none(monkeypatch, capsys, content: str, says: str) -> None:
+def test_palettes_that_are_none(capsys, content: str, says: str) -> None:
     Path("mixed.json").write_text(content)
-    assert run(monkeypatch, "mix", "mixed.json") == 2
+    assert run_command("mix", "mixed.json") == 2
     told = capsys.readouterr()
     assert says in told.err and told.out == "" and not Path("mixing.png").exists()
 
@@ -83,9 +75,9 @@ def test_palettes_that_are_none(monkeypatch, capsys, content: str, says: str) ->
         ((), "PALETTE"),
     ],
 )
-def test_what_cannot_be_mixed(monkeypatch, capsys, words: tuple[str, ...], says: str) -> None:
+def test_what_cannot_be_mixed(capsys, words: tuple[str, ...], says: str) -> None:
     Path("ok.json").write_text('{"paints": ["#d0b090"]}')
-    assert run(monkeypatch, "mix", *words) == 2
+    assert run_command("mix", *words) == 2
     assert says in capsys.readouterr().err
 
 
@@ -103,9 +95,9 @@ def test_the_mixer_of_the_file_mixes(tmp_path: Path, monkeypatch, capsys) -> Non
     told = []
     for mixer in ("kubelka-munk", "dots"):
         Path("mine.toml").write_text(f"mixer = '{mixer}'\n{paints}")
-        assert run(monkeypatch, "mix", "mixed.json", "--paints", "mine.toml") == 0
+        assert run_command("mix", "mixed.json", "--paints", "mine.toml") == 0
         told.append(capsys.readouterr().out)
     assert told[0] != told[1]
     Path("mine.toml").write_text(f"mixer = 'nonsense'\n{paints}")
-    assert run(monkeypatch, "mix", "mixed.json", "--paints", "mine.toml") == 2
+    assert run_command("mix", "mixed.json", "--paints", "mine.toml") == 2
     assert "There is no mixer called 'nonsense'" in capsys.readouterr().err

@@ -2,26 +2,18 @@ from dataclasses import replace
 
 import pytest
 
-from frida_painter.cli import commands
 from tiny_weights import tiny, write_wheel
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, capsys):
+def call(tmp_path, monkeypatch, call):
     """call(word, ...): exit status, what `frida-painter models` says, and what it complains about."""
     for place in ("frida_painter.weights.catalogue.all_weights", "frida_painter.weights.all_weights"):
         monkeypatch.setattr(place, lambda: (tiny(),))
     monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path / "cache"))
     monkeypatch.setenv("COLUMNS", "200")
 
-    def calling(*words):
-        monkeypatch.setattr("sys.argv", ["frida-painter", "models", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        return end.value.code or 0, told.out, told.err
-
-    return calling
+    return lambda *words: call("models", *words)
 
 
 def row(table: str) -> list[str]:

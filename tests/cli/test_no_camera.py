@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from frida_painter.cli import commands
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import example
@@ -18,6 +17,7 @@ from machines.bench import tell_zero
 from machines.grbl import GRBL, QUICK, GrblController
 from machines.simulated_time import Living
 from support import data
+from support.commandline import Command
 
 SMALL = ("--render-height", 64, "--effort", 0.05, "--brush", "fine", "--colors", 1, "--strokes", 5)
 BLIND = ("--workspace", "easel.toml", "--camera", "none")
@@ -35,17 +35,9 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """run(word, ...): exit status, and what was said, on one line."""
-
-    def running(*words: object) -> tuple[int, str]:
-        monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        return int(end.value.code or 0), " ".join((told.out + told.err).split())
-
-    return running
+def run(call: Command) -> Run:
+    """run(word, ..., typing=[...]): exit status, and what was said, on one line."""
+    return lambda *words, **typing: call(*words, **typing).briefly
 
 
 def kinds(folder: Path) -> list[str]:
@@ -88,7 +80,6 @@ def test_what_needs_a_camera_is_refused_without_one(run: Run, desk: Path, more: 
     assert not (desk / "paintings").exists()
 
 
-@pytest.mark.slow
 def test_the_canvas_is_traced_in_the_air_before_anything_is_painted(run: Run, desk: Path, grbl: Living) -> None:
     status, said = run("trace", "--robot", f"gcode:{grbl.name}", "--workspace", "easel.toml", "--yes")
     assert status == 0 and "side 4 of 4 of the canvas" in said and "30 mm above it" in said, said
@@ -98,7 +89,6 @@ def test_the_canvas_is_traced_in_the_air_before_anything_is_painted(run: Run, de
     assert seen[:, 2].min() >= 149.9
 
 
-@pytest.mark.slow
 def test_without_a_camera_the_plan_is_painted_and_everything_says_that_nobody_looked(
     run: Run, desk: Path, grbl: Living
 ) -> None:
@@ -123,7 +113,6 @@ def test_without_a_camera_the_plan_is_painted_and_everything_says_that_nobody_lo
     assert (np.asarray(Image.open(desk / "it" / "painting.png").convert("L")) == painting).mean() > 0.99
 
 
-@pytest.mark.slow
 def test_killed_and_resumed_nobody_looks_either(run: Run, desk: Path, grbl: Living) -> None:
     """Fault F1: the painting process is killed."""
     robot = ("--robot", f"gcode:{grbl.name}")

@@ -14,11 +14,11 @@ import pytest
 from PIL import Image
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.cli import commands
 from frida_painter.hardware.workcell import example
 from frida_painter.plan import Plan
 from killing import ForkedCommand
 from support import data
+from support.commandline import Command
 
 Run = Callable[..., str]
 SMALL = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine")
@@ -32,22 +32,17 @@ def photo(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
+def run(call: Command) -> Run:
     """run(word, ...): what the command says when all goes well."""
-    monkeypatch.chdir(tmp_path)
 
     def running(*words: object) -> str:
-        monkeypatch.setattr("sys.argv", ["frida-painter", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        assert not end.value.code, told.err
-        return told.out
+        said = call(*words)
+        assert not said.status, said.err
+        return said.out
 
     return running
 
 
-@pytest.mark.slow
 def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, photo: Path, tmp_path: Path) -> None:
     out = run("plan", photo, "--strokes", 14, "--colors", 3, *SMALL, "--out", "planned")
     plan = Plan.load(tmp_path / "planned")
@@ -86,7 +81,6 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
         assert len(list(csv.reader(file))) == 15
 
 
-@pytest.mark.slow
 def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path) -> None:
     for name, seed in (("one", 4), ("same", 4), ("other", 5)):
         run("plan", photo, "--strokes", 5, "--colors", 2, *SMALL, "--seed", seed, "--out", name)
@@ -94,7 +88,6 @@ def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path
     assert one == same != other
 
 
-@pytest.mark.slow
 def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Run, photo: Path, tmp_path: Path) -> None:
     (tmp_path / "my.toml").write_text(
         'strokes = 4\ncolors = 2\nseed = 1\neffort = 0.05\nrender_height = 64\nbrush = "fine"\n'
@@ -109,7 +102,6 @@ def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Ru
     assert "paintings/upright-" in out
 
 
-@pytest.mark.slow
 def test_a_painting_from_the_command_line_leaves_everything_in_its_folder(
     run: Run, photo: Path, tmp_path: Path
 ) -> None:
@@ -137,7 +129,6 @@ def test_help_is_written_for_painters(run: Run) -> None:
         assert not words & jargon, words & jargon
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
 def test_ctrl_c_stops_after_the_stroke_and_keeps_what_was_made(photo: Path, tmp_path: Path) -> None:
     folder = tmp_path / "painted"

@@ -7,11 +7,12 @@ from pathlib import Path
 import pytest
 
 from frida_painter import registry
-from frida_painter.cli import commands
 from frida_painter.objectives.objective import goal_kinds
 from plugins import install
+from support.commandline import run_command
 
 PHOTO = str(Path(__file__).parents[2] / "examples" / "photographs" / "cat.jpg")
+CHEAP = ("--effort", "0.05", "--canvas", "120x90mm", "--render-height", "64", "--focus", "none", "--no-film")
 FAILS = {
     "a goal": (registry.OBJECTIVES, ["--sad", "abc"], """
         from frida_painter.plugins import Gives, GoalKind
@@ -43,12 +44,9 @@ def test_its_package_is_named(
     text = "\n".join(line.removeprefix(8 * " ") for line in module.splitlines())
     install(tmp_path, monkeypatch, "sad-parts", {group: {"sad": f"{name}:KIND"}}, {name: text})
     monkeypatch.delitem(sys.modules, name, raising=False)
-    order = ["paint", PHOTO, "--strokes", "4", "--effort", "0.05", "--no-film", "--out", str(tmp_path / "painting")]
-    monkeypatch.setattr(sys, "argv", ["frida-painter", *order, *options])
-    with pytest.raises(SystemExit) as ended:
-        commands.main()
+    order = ["paint", PHOTO, "--strokes", "4", *CHEAP, "--out", str(tmp_path / "painting")]
+    assert run_command(*order, *options) == 2
     said = capsys.readouterr().err.strip()
-    assert ended.value.code == 2
     assert said.splitlines()[-1].startswith("frida-painter: The package sad-parts failed ("), said
     assert why in said and f"{name}.py, line " in said and "`frida-painter parts sad-parts`" in said
 

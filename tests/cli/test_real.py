@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -15,7 +14,6 @@ from PIL import Image
 
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.cli import commands
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.event_log import EventLog
@@ -26,6 +24,7 @@ from killing import kill_when
 from machines.grbl import GRBL, GRBLHAL, QUICK, GrblController
 from machines.simulated_time import Living
 from support import data
+from support.commandline import Command
 
 SIZE = (120, 160)  # rows, columns of a photograph
 SMALL = ("--render-height", 64, "--effort", 0.05, "--brush", "fine", "--colors", 1, "--strokes", 4, "--replans", 0)
@@ -83,27 +82,9 @@ def easel(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Run:
-    """run(word, ..., typing=[...]): exit status, and what was said."""
-
-    def running(*words: object, typing: list[str] | None = None) -> tuple[int, str]:
-        lines = list(typing or [])
-
-        def answer(*_: object, **__: object) -> str:
-            if not lines:
-                raise EOFError
-            return lines.pop(0)
-
-        monkeypatch.setattr("builtins.input", answer)
-        monkeypatch.setattr("rich.console.Console.input", answer)
-        monkeypatch.setattr(sys, "argv", ["frida-painter", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        assert not lines, f"{lines} was not asked for: {told.err}"
-        return int(end.value.code or 0), told.out + told.err
-
-    return running
+def run(call: Command) -> Run:
+    """run(word, ..., typing=[...]): exit status, and what was said, on one line."""
+    return lambda *words, **typing: call(*words, **typing).briefly
 
 
 def on(port: str) -> tuple[object, ...]:
@@ -144,7 +125,6 @@ def told(folder: Path) -> History:
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
-@pytest.mark.slow
 def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run, easel: Path) -> None:
     shots = f"folder:{easel / 'shots'}"
     size = CanvasSize(0.14, 0.1)
@@ -170,7 +150,6 @@ def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run,
     assert (easel / "given-up" / "index.html").exists() and told(easel / "given-up").in_doubt == 2
 
 
-@pytest.mark.slow
 def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_same_robot(run: Run, easel: Path) -> None:
     with Grbl() as grbl:
         status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", typing=["n"])
@@ -208,7 +187,6 @@ def held(folder: Path) -> list[str | None]:
     return [one["brush"] for one in EventLog.read(folder / "journal") if one["kind"] == "brush_in_hand"]
 
 
-@pytest.mark.slow
 def test_a_robot_with_a_rack_changes_its_brush_by_itself(run: Run, racked: Path) -> None:
     with Grbl() as grbl:
         status, said = run("paint", "coffee.png", *SMALL, *TWO, *on(grbl.name), "--out", "it", typing=["y"])
@@ -223,7 +201,6 @@ def test_a_robot_with_a_rack_changes_its_brush_by_itself(run: Run, racked: Path)
     assert status == 0 and "changing brushes" in said
 
 
-@pytest.mark.slow
 def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
     run: Run, racked: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -258,7 +235,6 @@ def test_a_brush_that_is_not_in_the_rack_is_refused_before_anything_moves(run: R
         assert grbl.moved == []
 
 
-@pytest.mark.slow
 def test_a_board_that_restarts_is_not_painted_with_until_a_person_has_found_its_zero(run: Run, easel: Path) -> None:
     """Its counters are 0 wherever it stands: it is asked for, and then the strokes are where they belong."""
     workcell = WorkcellConfig.load(easel / "easel.toml")

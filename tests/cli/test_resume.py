@@ -6,7 +6,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,6 +19,7 @@ from frida_painter.plan import Plan
 from frida_painter.session.journal import History
 from killing import began, kill_when
 from support import data
+from support.commandline import Command
 
 STROKES = 10
 SMALL = (
@@ -36,13 +37,6 @@ SMALL = (
     "3",
 )
 Resume = Callable[..., tuple[int, str]]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _own_state_of_the_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -71,17 +65,13 @@ def painting(killed: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def resume(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], painting: Path) -> Resume:
+def resume(monkeypatch: pytest.MonkeyPatch, call: Command, painting: Path) -> Resume:
     """resume(word, ..., typed=): exit status, and all that was said; `typed` is what the person answers."""
-    monkeypatch.chdir(painting.parent)
 
     def resuming(*words: object, typed: str = "") -> tuple[int, str]:
-        monkeypatch.setattr("sys.argv", ["frida-painter", "resume", *map(str, words)])
         monkeypatch.setattr("sys.stdin", io.StringIO(typed))
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        return int(end.value.code or 0), told.out + told.err
+        said = call("resume", *words)
+        return said.status, said.out + said.err
 
     return resuming
 
@@ -100,7 +90,6 @@ def told(folder: Path) -> History:
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
-@pytest.mark.slow
 def test_it_shows_what_was_done_and_does_nothing_by_itself(resume: Resume, painting: Path) -> None:
     before = contents(painting)
     status, said = resume("painting", typed="n\n")
@@ -113,7 +102,6 @@ def test_it_shows_what_was_done_and_does_nothing_by_itself(resume: Resume, paint
     assert status == 2 and "Nobody answered" in said and "--yes" in said
 
 
-@pytest.mark.slow
 def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, painting: Path) -> None:
     status, said = resume("painting", typed="perhaps\ny\n\n")
     assert status == 0, said
@@ -131,7 +119,6 @@ def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, pa
     assert status == 0 and "This painting is finished: 10 strokes" in said
 
 
-@pytest.mark.slow
 def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said(
     resume: Resume, painting: Path
 ) -> None:
@@ -143,7 +130,6 @@ def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said
         assert picture.width > picture.height > 700
 
 
-@pytest.mark.slow
 def test_what_was_changed_is_shown_and_refused_until_it_is_accepted(resume: Resume, painting: Path) -> None:
     """Fault F33: the plan or the settings were changed before resuming."""
     settings = painting / "settings.json"
@@ -225,7 +211,6 @@ def test_a_log_that_was_shortened_is_not_believed(
     assert contents(painting) == before, "nothing was painted"
 
 
-@pytest.mark.slow
 def test_results_are_made_again_from_what_the_folder_holds(resume: Resume, painting: Path) -> None:
     """B3: a painting that was killed while its page was written is finished all the same."""
     assert resume("painting", "--yes")[0] == 0
@@ -247,7 +232,6 @@ def test_results_are_made_again_from_what_the_folder_holds(resume: Resume, paint
     assert "nothing is left to do" in resume("painting", "--yes")[1]
 
 
-@pytest.mark.slow
 def test_without_its_photograph_the_picture_serves_and_without_both_it_is_told(resume: Resume, painting: Path) -> None:
     assert resume("painting", "--yes")[0] == 0
     picture = (painting / "painting.png").read_bytes()

@@ -1,14 +1,13 @@
 """The simulated Sawyer from the command line, whole."""
 
 import json
-import sys
 from pathlib import Path
 
 import pytest
 
 from frida_painter import images
-from frida_painter.cli import commands
 from support import data
+from support.commandline import run_command
 
 pytest.importorskip("mink")
 SMALL = ("--render-height", "64", "--effort", "0.05", "--strokes", "4", "--colors", "1", "--robot", "sawyer-sim")
@@ -21,15 +20,11 @@ def painting(tmp_path, monkeypatch):
     images.save(images.from_uint8(data.coffee()[::4, ::4].copy()), tmp_path / "photo.png")
 
     def painting(*words):
-        monkeypatch.setattr(sys, "argv", ["frida-painter", "paint", "photo.png", *SMALL, *words, "--out", "painted"])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        return end.value.code or 0
+        return run_command("paint", "photo.png", *SMALL, *words, "--out", "painted")
 
     return painting
 
 
-@pytest.mark.slow
 def test_it_paints_looks_and_paints_the_rest(painting):
     assert painting("--canvas", "200x150mm", "--replans", "1", "--no-film") == 0
     folder = Path("painted")

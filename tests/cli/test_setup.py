@@ -1,7 +1,6 @@
 """Setup of a machine from the command line, over a simulated controller: first hour, leaving, continuing."""
 
 import json
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,10 +9,10 @@ import pytest
 from PIL import Image
 
 from frida_painter.calibration import Calibration
-from frida_painter.cli import commands
 from frida_painter.hardware.workcell import WorkcellConfig
 from machines.grbl import router as controller
 from machines.simulated_time import Living
+from support.commandline import Command
 
 Run = Callable[..., tuple[int, str]]
 READY = ["y", "y"]  # the preset's two sentences
@@ -27,27 +26,9 @@ ALL = [*READY, *CANVAS, *HEIGHTS, *PAINT, *TRACE, *STROKES]
 
 
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
-    """run(word, ..., typing=[...]): exit status, and what was said."""
-    monkeypatch.chdir(tmp_path)
-
-    def running(*words: object, typing: list[str]) -> tuple[int, str]:
-        lines = list(typing)
-
-        def answer(*_: object, **__: object) -> str:
-            if not lines:
-                raise EOFError
-            return lines.pop(0)
-
-        monkeypatch.setattr("rich.console.Console.input", answer)
-        monkeypatch.setattr(sys, "argv", ["frida-painter", "setup", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        assert not lines, f"{lines} was not asked for: {told.out}{told.err}"
-        return int(end.value.code or 0), " ".join((told.out + told.err).split())
-
-    return running
+def run(call: Command) -> Run:
+    """run(word, ..., typing=[...]): exit status, and what was said, on one line."""
+    return lambda *words, typing: call("setup", *words, typing=typing).briefly
 
 
 @pytest.fixture
@@ -60,7 +41,6 @@ def on(machine: Living, folder: str = "easel") -> tuple[object, ...]:
     return ("--preset", "grbl-router", "--port", machine.name, "--canvas", "120x90mm", "--folder", folder)
 
 
-@pytest.mark.slow
 def test_a_newcomer_sets_a_router_up_and_finds_all_that_painting_needs(
     run: Run, router: Living, tmp_path: Path
 ) -> None:
@@ -81,7 +61,6 @@ def test_a_newcomer_sets_a_router_up_and_finds_all_that_painting_needs(
     assert lows.min() == pytest.approx(-1.5, abs=0.01), "the hardest of the test strokes, and nothing lower"
 
 
-@pytest.mark.slow
 def test_a_setup_that_was_left_goes_on_where_it_was(run: Run, router: Living, tmp_path: Path) -> None:
     status, told = run(*on(router), typing=[*READY, *CANVAS, *HEIGHTS, "3", "z-12"])
     assert status == 130 or status == 2, told
@@ -100,7 +79,6 @@ def test_a_setup_that_was_left_goes_on_where_it_was(run: Run, router: Living, tm
     assert record.touch_height - record.press_height == pytest.approx(0.001)
 
 
-@pytest.mark.slow
 def test_what_cannot_be_true_is_told_and_asked_again(run: Run, router: Living, tmp_path: Path) -> None:
     crooked = ["x-20 y+10", "ok", "x+9", "ok", "y"]  # 9 mm longer than the canvas was said to be
     beyond = ["x+400", "x-20 y+10", "ok", "ok"]  # outside of the machine
@@ -114,7 +92,6 @@ def test_what_cannot_be_true_is_told_and_asked_again(run: Run, router: Living, t
     assert np.abs(np.array(router.controller.moved)[:, 0]).max() < 300
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
@@ -129,7 +106,6 @@ def test_a_damaged_state_is_refused(run: Run, tmp_path: Path, damage: str, said:
     assert status == 2 and said in told
 
 
-@pytest.mark.slow
 def test_a_machine_that_feels_finds_the_touch_and_the_height_map_by_itself(
     run: Run, router: Living, tmp_path: Path
 ) -> None:

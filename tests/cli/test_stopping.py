@@ -14,8 +14,6 @@ from killing import ForkedCommand
 from session.easel_errands import moves, until
 from support import data
 
-pytestmark = pytest.mark.slow
-
 SMALL = (
     "--canvas",
     "120x90mm",

@@ -10,7 +10,6 @@ import pytest
 from frida_painter import registry
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.cli import commands
 from frida_painter.teaching import evaluation
 from frida_painter.teaching.evaluation import evaluate
 from frida_painter.teaching.param2stroke import Param2Stroke
@@ -19,18 +18,9 @@ from plugins import install
 
 
 @pytest.fixture
-def run(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def run(tmp_path, call):
     small_library(20).save(tmp_path / "library.npz")
-
-    def command(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr("sys.argv", ["frida-painter", "strokes", *map(str, words)])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
-        told = capsys.readouterr()
-        return int(end.value.code or 0), told.out, told.err
-
-    return command
+    return lambda *words: call("strokes", *words)
 
 
 @pytest.fixture

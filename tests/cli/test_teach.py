@@ -75,7 +75,6 @@ def lead(box: XarmBox, workspace: Path, keyboard: int, marks: int, collides: boo
     return thread
 
 
-@pytest.mark.slow
 def test_marks_of_the_arm_go_to_a_file_and_the_arm_stays_stopped(
     box: XarmBox, workspace: Path, keyboard: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

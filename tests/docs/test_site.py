@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from nightly import installed
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", ROOT / "RELEASE.md", *sorted(DOCS.rglob("*.md"))]
@@ -97,9 +99,9 @@ def test_pages_made_from_the_program_are_up_to_date() -> None:
         assert page == (DOCS / "reference" / name).read_text(encoding="utf-8"), "say `make reference`, and look at it"
 
 
-@pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
     """Links, anchors, docstrings, the navigation, and a reference of every module: all are warnings of the build."""
+    installed("mkdocs")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path)]
     quiet = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     built = subprocess.run(command, cwd=ROOT, env=quiet, capture_output=True, text=True, check=False)
@@ -110,7 +112,6 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         assert (tmp_path / folder / "index.html").is_file()
 
 
-@pytest.mark.slow
 def test_the_strict_build_can_fail(tmp_path: Path) -> None:
     """The same settings and hooks with one page and no module, which is built at once; each link is a warning."""
     links = ("gone.md", "index.md#no-such-part", "../src/frida_painter/gone.py")
@@ -123,6 +124,7 @@ def test_the_strict_build_can_fail(tmp_path: Path) -> None:
     ours = hooks.replace("Path(__file__).parents[1]", repr(ROOT).replace("PosixPath", "Path"))
     kept = re.sub(r"def (on_config|on_files|on_post_build)", r"def not_\1", ours)
     (tmp_path / "hooks.py").write_text(kept)
+    installed("mkdocs")
     command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
     quiet = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
     built = subprocess.run(command, cwd=tmp_path, env=quiet, capture_output=True, text=True, check=False)

@@ -153,7 +153,6 @@ def test_a_page_that_promises_too_much_is_found_out(tmp_path: Path) -> None:
         run(Block("sh", "", "false | cat\n"), tmp_path, 3)
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(3600)  # some twenty commands, on a machine that may be busy
 @pytest.mark.skipif(shutil.which("bash") is None or shutil.which("make") is None, reason="needs bash and make")
 def test_every_step_works_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

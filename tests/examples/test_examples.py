@@ -75,7 +75,6 @@ def test_scripts_are_short_and_use_public_names_only(name: str) -> None:
     assert not foreign(source)
 
 
-@pytest.mark.slow
 def test_a_photograph_is_planned_and_printed_large(tmp_path: Path) -> None:
     script("plan_photograph")(PHOTO, str(tmp_path), **TINY)
     assert len(fp.Plan.load(tmp_path / "plan.json")) == 6
@@ -91,7 +90,6 @@ def test_ones_own_paints_are_the_only_ones(tmp_path: Path) -> None:
     assert torch.equal(fp.Plan.load(plan).palette.color, fp.Palette.load(paints).color)
 
 
-@pytest.mark.slow
 def test_two_seeds_give_two_plans(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     script("compare_seeds")(PHOTO, str(tmp_path / "both.png"), **TINY)
     first, second = fp.load_picture(tmp_path / "both.png").chunk(2, dim=2)
@@ -99,7 +97,6 @@ def test_two_seeds_give_two_plans(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "The first is 0." in capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_a_stroke_model_of_ones_own_draws_the_plan(tmp_path: Path) -> None:
     script("own_stroke_model")(PHOTO, str(tmp_path / "pen.png"), **TINY)
     script("plan_photograph")(PHOTO, str(tmp_path), **TINY)
@@ -107,7 +104,6 @@ def test_a_stroke_model_of_ones_own_draws_the_plan(tmp_path: Path) -> None:
     assert float(drawn.min()) < 0.9 and not torch.equal(drawn, painted)
 
 
-@pytest.mark.slow
 def test_a_photograph_is_painted_in_the_virtual_studio(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -117,7 +113,6 @@ def test_a_photograph_is_painted_in_the_virtual_studio(
     assert "4 strokes: " in capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_a_listener_is_told_of_every_look(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -128,7 +123,6 @@ def test_a_listener_is_told_of_every_look(
     assert capsys.readouterr().out.count("strokes are on the canvas") == 2
 
 
-@pytest.mark.slow
 def test_an_objective_of_ones_own_shapes_the_plan(tmp_path: Path) -> None:
     def unrest(weight: float) -> float:
         script("own_objective")(
@@ -140,7 +134,6 @@ def test_an_objective_of_ones_own_shapes_the_plan(tmp_path: Path) -> None:
     assert unrest(2.0) < 0.8 * unrest(0.001)
 
 
-@pytest.mark.slow
 def test_the_notebook_runs_from_top_to_bottom(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -161,7 +154,6 @@ def test_the_notebook_is_kept_without_results() -> None:
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in code_cells())
 
 
-@pytest.mark.slow
 def test_a_sheet_of_strokes_is_painted_in_the_virtual_studio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["virtual_strokes.py", str(tmp_path / "sheet.jpg")])
     runpy.run_path(str(EXAMPLES / "virtual_strokes.py"), run_name="__main__")

@@ -8,7 +8,7 @@ import pytest
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "learning" / "learn_to_paint.py"
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
+pytestmark = pytest.mark.usefixtures("small_world")
 
 
 def test_it_trains_and_writes_its_chart_and_scores(tmp_path: Path) -> None:

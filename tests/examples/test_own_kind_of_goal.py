@@ -40,7 +40,6 @@ def mirror(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     goal_kinds.cache_clear()
 
 
-@pytest.mark.slow
 def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) -> None:
     path = tmp_path / "goal.toml"
     path.write_text('[[goal]]\nmirror = "left-right"\nweight = 2\n')
@@ -62,7 +61,6 @@ def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) 
         open_goal(RunSpec.of(goal=[{"mirror": "diagonal"}]))
 
 
-@pytest.mark.slow
 def test_the_command_line_paints_it(
     mirror: None,
     in_small_world: None,

@@ -87,7 +87,6 @@ def read(sheet: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(rows))
 
 
-@pytest.mark.slow
 def test_help_doctor_and_errors_list_it(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     goal_kinds.cache_clear()
@@ -131,7 +130,6 @@ def test_its_policy_and_its_kind_of_goal_are_taken_by_name() -> None:
     assert RunSpec.of(goal=[{"mirror": "left-right"}], replan_policy="late:0.25").replan_policy == "late:0.25"
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("fresh_easel")
 def test_robot_and_camera_work_in_the_process_of_the_easel(table: Path) -> None:
     order = EaselOrder(
@@ -160,7 +158,6 @@ def test_names_that_make_no_sense_are_told(table: Path, monkeypatch: pytest.Monk
         make_camera("rpicam").connect()
 
 
-@pytest.mark.slow
 def test_a_stroke_model_that_is_a_function_plans_renders_and_paints_in_the_studio(run: Run, table: Path) -> None:
     model = load_stroke_model("marker")
     assert isinstance(model, StrokeFunction)
@@ -176,7 +173,6 @@ def test_a_stroke_model_that_is_a_function_plans_renders_and_paints_in_the_studi
     assert painted.min() < 0.75 * np.median(painted), "the studio's brush has left its marks"
 
 
-@pytest.mark.slow
 def test_its_brush_is_calibrated_and_photographed_in_the_studio(run: Run, table: Path) -> None:
     status, said = run("calibrate", "canvas", "--brush", "marker", "--canvas", "140x100mm", "--record", "marker.json")
     assert status == 0, said
@@ -187,7 +183,6 @@ def test_its_brush_is_calibrated_and_photographed_in_the_studio(run: Run, table:
     assert len(library) == 2 and library.length_m.max() <= 0.05 + 1e-6
 
 
-@pytest.mark.slow
 def test_a_painting_with_all_three_of_them(run: Run, table: Path) -> None:
     workcell = WorkcellConfig.load(table / "easel.toml")
     record = workcell.calibration("marker", SIZE, "rpicam")

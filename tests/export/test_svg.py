@@ -7,13 +7,13 @@ from xml.etree import ElementTree
 import pytest
 import svgpathtools
 import torch
-import vpype
 
 from frida_painter.errors import PlanError
 from frida_painter.export.vector import control_points, svg
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import Plan
 from frida_painter.strokes import Strokes
+from nightly import installed
 from support.plans import CANVAS, LIMITS, in_layers, made_up_plan
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -111,6 +111,7 @@ def test_svgpathtools_reads_the_strokes_back(tmp_path: Path) -> None:
 
 
 def test_vpype_reads_a_layer_for_each_paint_or_dip_in_millimetres(tmp_path: Path) -> None:
+    vpype = installed("vpype")
     plan, millimetre = made_up_plan(12), 96 / 25.4
     file = tmp_path / "plan.svg"
     file.write_text(svg(plan, torch.full((12,), 0.006)))

@@ -18,7 +18,6 @@ def photograph(name: str) -> torch.Tensor:
     return images.load(Path(targets.__file__).with_name(f"{name}.jpg"))
 
 
-@pytest.mark.slow
 def test_a_face_is_found_where_it_is_and_none_where_there_is_none() -> None:
     (face,) = faces(photograph("astronaut"))
     assert face.row == pytest.approx(0.2, abs=0.05) and 0.15 < face.width < 0.35

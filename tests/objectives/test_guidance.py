@@ -30,7 +30,6 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.weights.pipeline_folder import read_pipeline_folder
 from tiny_pipelines import write_flux, write_lookalike, write_pipeline, write_stable_diffusion_xl
 
-pytestmark = pytest.mark.slow  # diffusers takes seconds to load
 CPU = torch.device("cpu")
 
 

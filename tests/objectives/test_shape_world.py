@@ -32,7 +32,6 @@ def test_no_training_saw_the_sentences() -> None:
     assert all(picture.is_kept_aside and picture.turn().is_kept_aside for picture in ASKED)
 
 
-@pytest.mark.slow
 def test_the_judge_sees_what_is_there_and_nothing_else() -> None:
     reader, drawn = judge.load(FOLDER / "judge.safetensors"), draw(3 * ASKED)
     approved = torch.tensor([[reader.approves(one, asked) for asked in ASKED] for one in drawn]).float()
@@ -43,7 +42,6 @@ def test_the_judge_sees_what_is_there_and_nothing_else() -> None:
     assert sum(reader.approves(one, ASKED[at % 20]) for at, one in enumerate(spoiled)) <= 15
 
 
-@pytest.mark.slow
 def test_the_eye_finds_the_sentence_of_a_drawing_among_twenty() -> None:
     eye = Clip.load(FOLDER / "eye")
     words = torch.stack([eye.embed_text(picture.say()) for picture in ASKED])
@@ -51,7 +49,6 @@ def test_the_eye_finds_the_sentence_of_a_drawing_among_twenty() -> None:
     assert (found == torch.arange(60) % 20).float().mean() >= 0.9
 
 
-@pytest.mark.slow
 def test_the_eye_reads_the_order_of_words() -> None:
     eye, chance = Clip.load(FOLDER / "eye"), random.Random(8)
     said = [picture for picture in (world.choose_picture(chance) for _ in range(400)) if picture.is_kept_aside]
@@ -61,7 +58,6 @@ def test_the_eye_reads_the_order_of_words() -> None:
         assert words @ eye.embed_text(one.turn().say()) > 0.99 > words @ eye.embed_text(reverse.say())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 6, 16])
 def test_words_become_the_painting_that_they_say(number: int) -> None:
     spec = RunSpec.of(

@@ -51,7 +51,6 @@ def test_colours_that_are_right_stay() -> None:
     torch.testing.assert_close(transport(colors, colors[torch.randperm(200)]), colors, atol=1e-3, rtol=0)
 
 
-@pytest.mark.slow
 def test_even_areas_get_marks_and_colours_and_edges_stay() -> None:
     picture, style = photograph(), stripes()
     shown = lay_marks(picture, style)
@@ -64,7 +63,6 @@ def test_even_areas_get_marks_and_colours_and_edges_stay() -> None:
     assert float(inside) < float(around) - 5, "the disc is still dark"
 
 
-@pytest.mark.slow
 def test_faces_keep_their_picture() -> None:
     picture = torch.lerp(torch.tensor([0.9, 0.8, 0.2])[:, None, None], 1 - stripes(64, 80)[:, :1, :1], photograph())
     importance = torch.ones(16, 20)
@@ -75,7 +73,6 @@ def test_faces_keep_their_picture() -> None:
     assert change[0] < change[1]
 
 
-@pytest.mark.slow
 def test_a_style_that_matters_less_changes_less() -> None:
     picture = photograph()
     (shown, _) = in_style_marks(Goal((ImageTerm(picture, 4.0), StyleTerm(stripes())))).terms
@@ -104,7 +101,6 @@ def scene() -> tuple[torch.Tensor, torch.Tensor]:
     return picture, where
 
 
-@pytest.mark.slow
 def test_a_scene_on_bare_paper_takes_on_the_colours_and_the_marks_of_a_style() -> None:
     (picture, where), style = scene(), stripes()
     shown = in_style(picture, where, style)
@@ -116,19 +112,16 @@ def test_a_scene_on_bare_paper_takes_on_the_colours_and_the_marks_of_a_style() -
     assert float((shown - 1).abs().amax(0).amin()) > 0.03, "no paper is left"
 
 
-@pytest.mark.slow
 def test_a_thing_keeps_its_light_and_dark() -> None:
     picture, where = scene()
     shown = to_lab(in_style(picture, where, stripes()).permute(1, 2, 0))[..., 0]
     assert float(shown[30:34, 34:46].mean()) < float(shown[40:46, 30:50].mean()) - 10
 
 
-@pytest.mark.slow
 def test_the_same_scene_is_put_together_in_the_same_way() -> None:
     assert torch.equal(in_style(*scene(), stripes()), in_style(*scene(), stripes()))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("size", [(5, 5), (10, 400), (400, 10)])
 def test_tiny_and_narrow_styles_serve_too(size: tuple[int, int]) -> None:
     picture, where = scene()
@@ -144,7 +137,6 @@ def sheet() -> torch.Tensor:
     return drawing
 
 
-@pytest.mark.slow
 def test_a_drawing_in_a_style_becomes_a_picture_without_paper_and_keeps_its_lines() -> None:
     goal = Goal((SketchTerm(sheet()), StyleTerm(stripes())))
     *given, made = fill_drawing_in_style(goal, 64, 80).terms
@@ -157,7 +149,6 @@ def test_a_drawing_in_a_style_becomes_a_picture_without_paper_and_keeps_its_line
     assert begun is made, "the painting begins with it"
 
 
-@pytest.mark.slow
 def test_a_lighter_style_leaves_more_of_the_drawing() -> None:
     filled = color_drawing(SketchTerm(sheet()).drawing, stripes())
     (*_, made) = fill_drawing_in_style(Goal((SketchTerm(sheet(), 4.0), StyleTerm(stripes()))), 64, 80).terms

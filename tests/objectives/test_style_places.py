@@ -42,7 +42,6 @@ def test_the_darker_style_takes_the_darker_places_and_each_its_share(blue: float
     assert float(reddish[:, :8].mean()) < 0.1 and float(reddish[:, -8:].mean()) > 0.9
 
 
-@pytest.mark.slow
 def test_photographs_and_drawings_get_the_marks_of_all_styles() -> None:
     frame = torch.ones(3, 64, 80)
     frame[:, 8:56, 10:60] = 0

@@ -18,7 +18,6 @@ def leaking(light: torch.Tensor, stray: float = 0.004) -> torch.Tensor:
     return light @ mix.T + stray
 
 
-@pytest.mark.slow
 def test_the_affine_map_is_applied_to_the_light_of_every_pixel_and_kept_in_range():
     swapped = calibration(color=((0, 1, 0, 0), (1, 0, 0, 0.1), (0, 0, 2, -0.5)))
     light = torch.tensor([0.2, 0.4, 0.9])

@@ -60,7 +60,6 @@ CLUTTERED = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "drawn",
     [
@@ -81,12 +80,10 @@ def test_the_corners_are_found_to_a_part_of_a_pixel(drawn) -> None:
     assert outline.support > 0.5
 
 
-@pytest.mark.slow
 def test_paint_beyond_a_corner_costs_little() -> None:
     assert off(find_canvas(photograph(on_canvas=PAINTED), SIZE).corners) < 1.0
 
 
-@pytest.mark.slow
 def test_edges_that_are_bowed_tell_the_lens() -> None:
     outline = find_canvas(photograph(lens=BARREL), SIZE)
     assert outline.lens is not None
@@ -129,7 +126,6 @@ def test_corners_that_a_person_points_at_roughly_become_exact() -> None:
     assert trace_outline(photograph(noise=0.0), nowhere, reach=8) is None
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 7])
 def test_in_the_virtual_studio(seed: int) -> None:
     studio = open_studio(CanvasSize.parse("14x11in"), seed=seed)

@@ -53,14 +53,12 @@ def stage() -> Iterator[Stage]:
     yield Stage(hand, observer, Expected(torch.ones(3, 270, 360), hand.studio.truth(270)))
 
 
-@pytest.mark.slow
 def test_a_good_photograph_is_trusted(stage: Stage) -> None:
     for _ in range(3):
         stage.judge(stage.photograph(), stage.expected)
         stage.judge(stage.photograph(), None)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "reason"),
     [
@@ -79,7 +77,6 @@ def test_what_cannot_be_trusted_is_refused_with_the_reason(stage: Stage, faults:
         stage.judge(stage.photograph(faults=faults), stage.expected)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("shift", [(0.005, 0.0), (0.0, -0.005), (-0.003, 0.004), (0.004, 0.003)])
 def test_a_canvas_that_was_bumped_by_5_mm_is_noticed_also_when_anything_may_be_on_it(
     stage: Stage, shift: tuple[float, float]
@@ -91,12 +88,10 @@ def test_a_canvas_that_was_bumped_by_5_mm_is_noticed_also_when_anything_may_be_o
             stage.judge(image, expected)
 
 
-@pytest.mark.slow
 def test_a_millimetre_is_not_worth_an_alarm(stage: Stage) -> None:
     stage.judge(stage.photograph(knock=PlacementError((0.0007, 0.0007), 0.0)), stage.expected)
 
 
-@pytest.mark.slow
 def test_a_lens_that_was_turned_is_noticed(stage: Stage) -> None:
     """Fault F23: the photograph cannot be trusted."""
     image = stage.photograph()
@@ -106,7 +101,6 @@ def test_a_lens_that_was_turned_is_noticed(stage: Stage) -> None:
         stage.judge(np.asarray(cv2.warpAffine(image, nearer, (columns, rows), borderMode=cv2.BORDER_REPLICATE)), None)
 
 
-@pytest.mark.slow
 def test_the_robots_own_arm_is_in_the_way(stage: Stage) -> None:
     easel = stage.hand.easel
     stage.hand.stroke(0.02, 0.03, 0.01, thickness=0.0)
@@ -116,7 +110,6 @@ def test_the_robots_own_arm_is_in_the_way(stage: Stage) -> None:
         stage.judge(image, stage.expected)
 
 
-@pytest.mark.slow
 def test_what_nobody_has_painted_is_strange_and_what_was_painted_beside_its_place_is_not(stage: Stage) -> None:
     def shifted(rows: int, columns: int) -> Tensor:
         return torch.roll(stage.expected.after, (rows, columns), (1, 2))
@@ -129,7 +122,6 @@ def test_what_nobody_has_painted_is_strange_and_what_was_painted_beside_its_plac
     stage.judge(stage.photograph(), None)
 
 
-@pytest.mark.slow
 def test_a_stroke_that_left_no_mark_is_nothing_strange(stage: Stage) -> None:
     more = stage.expected.after.clone()
     more[:, 200:230, 40:160] = 0.1

@@ -58,7 +58,6 @@ def linear(picture):
     return ((shrunk / 255.0) ** 2.2).astype(np.float32)
 
 
-@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(
     shift=st.floats(0.0015, 0.006), angle=st.floats(0, 2 * math.pi), turn=st.floats(-0.02, 0.02),
@@ -73,7 +72,6 @@ def test_a_motion_is_found_and_measured_whatever_the_light(shift, angle, turn, s
     assert found.motion.turn == pytest.approx(turn, abs=2e-3)
 
 
-@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(
     shift=st.floats(0, 0.0006), angle=st.floats(0, 2 * math.pi), strokes=st.sampled_from([0, 40]),
@@ -94,7 +92,6 @@ def framed(picture, gap, color):
     return painted
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("color", [(12, 12, 12), (250, 250, 250), TABLE, (30, 40, 160)])
 @pytest.mark.parametrize("gap", [0, 4, 8])
 def test_paint_along_all_edges_moves_nothing_and_hides_no_motion(gap, color):

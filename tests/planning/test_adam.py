@@ -10,7 +10,6 @@ from frida_painter.planning.optimize import Adam
 BETAS = (0.9, 0.98)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("compiled", [False, True], ids=["plain", "compiled"])
 def test_its_steps_are_those_of_torch(monkeypatch: pytest.MonkeyPatch, compiled: bool) -> None:
     """Those of PyTorch's operations bit for bit, those of the compiled loops but for rounding."""
@@ -40,7 +39,6 @@ def test_a_leaf_without_a_gradient_stays_where_it_is() -> None:
     assert torch.equal(still.detach(), torch.ones(2)) and bool((moved < 1).all())
 
 
-@pytest.mark.slow
 def test_planning_does_not_load_the_compiler() -> None:
     code = (
         "import sys, torch; from frida_painter.planning.optimize import Adam\n"

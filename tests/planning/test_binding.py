@@ -1,6 +1,5 @@
 from collections.abc import Callable
 
-import pytest
 import torch
 
 from frida_painter.planning.layers import StepCount
@@ -22,7 +21,6 @@ def in_paints(steps: list[Step]) -> tuple[Strokes, Paints]:
     return bind_to_palette(some_strokes(16), PROBLEM, 4, drawing=3, binding=4, seed=0, begin=begin)
 
 
-@pytest.mark.slow
 def test_strokes_are_in_paints_light_to_dark_and_every_step_is_told() -> None:
     steps: list[Step] = []
     found, paints = in_paints(steps)

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import pytest
 import torch
 
 from frida_painter import images
@@ -13,7 +12,6 @@ from frida_painter.runs.spec import RunSpec
 from tiny_clip import write_clip
 
 
-@pytest.mark.slow
 def test_the_time_of_a_plan_is_measured_before_it_begins_and_changes_nothing(tmp_path: Path) -> None:
     clip = write_clip(tmp_path)
 

@@ -71,7 +71,6 @@ def alike(one: Plan, other: Plan) -> None:
     torch.testing.assert_close(other.palette.color, one.palette.color, rtol=1e-4, atol=1e-5)
 
 
-@pytest.mark.slow
 def test_everything_is_planned_on_the_device_and_comes_back_the_same() -> None:
     plan, bound, again, picture_after, loss, known = everything(planner(goal(), None))
     with elsewhere() as device:
@@ -84,7 +83,6 @@ def test_everything_is_planned_on_the_device_and_comes_back_the_same() -> None:
     assert theirs[5].error == pytest.approx(known.error, abs=5e-5)
 
 
-@pytest.mark.slow
 def test_every_kind_of_goal_is_seen_on_the_device() -> None:
     seen = ImageTerm(picture()), StyleTerm(1 - picture()), SemanticTerm(picture())
     said = SketchTerm(LINES), TextTerm("a lemon", 0.5)
@@ -94,7 +92,6 @@ def test_every_kind_of_goal_is_seen_on_the_device() -> None:
     assert len(plan) == 4 and plan.strokes.color.device.type == "cpu"
 
 
-@pytest.mark.slow
 @torch.no_grad()
 def test_networks_see_on_the_device_what_they_see_on_the_cpu(tmp_path) -> None:
     clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())
@@ -164,7 +161,6 @@ def waited_for(by: Planner, iterations: int) -> list[str]:
     return noted
 
 
-@pytest.mark.slow
 def test_no_iteration_waits_for_the_device() -> None:
     with elsewhere() as device:
         by = planner(goal(), device)
@@ -172,7 +168,6 @@ def test_no_iteration_waits_for_the_device() -> None:
     assert Counter(more) - Counter(few) == {"tolist": 2}  # of eight iterations each
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "term",
     [StyleTerm(1 - picture()), SemanticTerm(picture()), SketchTerm(LINES), TextTerm("a lemon", 0.5)],
@@ -210,7 +205,6 @@ def test_colours_are_as_light_on_the_device() -> None:
     torch.testing.assert_close(there.held, to_lab(colors), rtol=0, atol=0.3)  # that of OpenCV is rounded
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("failing", [{5}, {5, 6}, {5, 12, 20}])
 def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(failing: set[int]) -> None:
     """Fault F29: values that are not finite while planning. Eight iterations are read together."""
@@ -238,7 +232,6 @@ def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
     assert all(step.iteration not in (6, 7, 8) and math.isfinite(step.loss) for step in heard)
 
 
-@pytest.mark.slow
 @torch.no_grad()
 def test_networks_in_half_precision_see_nearly_the_same_in_full_precision(tmp_path, monkeypatch) -> None:
     clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())

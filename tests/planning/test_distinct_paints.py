@@ -1,5 +1,5 @@
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.palette import Palette, ciede2000, from_lab, to_lab
@@ -12,7 +12,6 @@ def nearest_pair(color: torch.Tensor) -> float:
     return float(gap.fill_diagonal_(torch.inf).min())
 
 
-@settings(max_examples=min(25, settings.default.max_examples), deadline=None)
 @given(st.integers(1, 12), st.integers(0, 1000), st.sampled_from([HARDLY_APART, 5.0]))
 def test_no_two_wells_are_twins_and_there_are_no_more_of_them(count: int, seed: int, apart: float) -> None:
     chance = torch.Generator().manual_seed(seed)

@@ -28,7 +28,6 @@ def planner(rows: int = 32, ink: tuple[float, float, float] = (0.1, 0.1, 0.1)) -
     return Planner(make_goal(goal).fit_to(48, 64), settings)
 
 
-@pytest.mark.slow
 def test_a_plan_has_a_layer_of_the_family_and_a_replan_keeps_it():
     painter = planner()
     assert (painter.kinds, painter.brushes) == (("small", "fine+wave"), ("small", "fine"))
@@ -45,13 +44,11 @@ def test_a_plan_has_a_layer_of_the_family_and_a_replan_keeps_it():
     assert painter.expected(plan).shape == (3, 32, 43)
 
 
-@pytest.mark.slow
 def test_layers_in_paints_that_can_be_mixed_are_still_of_the_family():
     plan = planner(ink=(1.0, 0.0, 1.0)).plan()  # no acrylic gives it
     assert mixing_changes(plan) and plan.families == (FAMILY,)
 
 
-@pytest.mark.slow
 def test_slopes_reach_place_angle_size_press_and_code():
     painter = planner()
     plan = painter.plan().by_layer()[1]

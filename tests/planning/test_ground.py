@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
@@ -20,7 +20,6 @@ from support.planning import CANVAS, plain, small_table
 CHANNEL = st.floats(0, 1, width=32)
 
 
-@settings(max_examples=min(25, settings.default.max_examples))
 @given(st.tuples(CHANNEL, CHANNEL, CHANNEL), st.tuples(CHANNEL, CHANNEL, CHANNEL))
 def test_grounds_are_white_the_mean_and_ever_darker_ones(left: tuple[float, ...], right: tuple[float, ...]) -> None:
     half = torch.tensor(left)[:, None, None].expand(3, 64, 32), torch.tensor(right)[:, None, None].expand(3, 64, 32)
@@ -37,7 +36,6 @@ def planner(picture: torch.Tensor) -> Planner:
     return Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.2)))
 
 
-@pytest.mark.slow
 def test_a_dark_picture_is_painted_on_a_dark_ground_and_a_light_one_on_white() -> None:
     dark = torch.full((3, 64, 85), 0.15)
     dark[:, 20:30, 20:60] = 0.9
@@ -82,7 +80,6 @@ def test_a_painting_that_begins_with_a_style_is_on_its_commonest_colour() -> Non
     assert ground_around_things(by) == pytest.approx((0.2, 0.2, 0.6), abs=0.003)
 
 
-@pytest.mark.slow
 def test_no_ground_is_darker_than_the_darkest_paint() -> None:
     black = torch.zeros(3, 64, 85)
     by = planner(black)

@@ -115,7 +115,6 @@ def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float, iter
         found.check(on.limits, CANVAS)
 
 
-@pytest.mark.slow
 def test_plans_become_as_good_as_with_all_rows() -> None:
     on, strokes = by_rows(), some_strokes(25)
     some, _ = optimize(strokes, on, iterations=40)
@@ -133,7 +132,6 @@ def test_steps_tell_the_loss_of_what_was_looked_at() -> None:
         assert judged(shown, seen) == pytest.approx(step.loss, rel=1e-4)
 
 
-@pytest.mark.slow
 def test_it_is_the_same_on_another_device() -> None:
     strokes, on = some_strokes(6), by_rows(240)
     found, _ = optimize(strokes, on, iterations=4)

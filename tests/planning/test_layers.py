@@ -45,7 +45,6 @@ def test_no_layers_are_none() -> None:
         layer_sizes(10, ())
 
 
-@pytest.mark.slow
 def test_every_layer_goes_from_light_to_dark_in_the_same_paints(plan: Plan) -> None:
     assert plan.layer_sizes == (18, 12) and len(plan.palette) == 4
     for layer in plan.by_layer():
@@ -60,7 +59,6 @@ def test_only_many_strokes_towards_a_picture_get_layers_of_themselves() -> None:
     assert planner(3).layer_sizes(40) == (24, 8, 8)
 
 
-@pytest.mark.slow
 def test_where_a_layer_begins_its_strokes_go_where_the_canvas_needs_them_and_light_over_dark(plan: Plan) -> None:
     by, (first, _) = planner(effort=Effort().scale(0.5)), plan.by_layer()
     rest = plan.part(slice(len(first), None))
@@ -107,7 +105,6 @@ def test_other_paints_bind_each_layer_from_light_to_dark_of_the_plan(plan: Plan)
     assert bound.layer_sizes == plan.layer_sizes and torch.equal(bound.palette.color, mixed.color)
 
 
-@pytest.mark.slow
 def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
     by, steps = planner(), []
     by.plan(BARE, 30, 4, steps.append)
@@ -115,7 +112,6 @@ def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
     assert sum(len(strokes) for _, strokes in steps[-1].parts) == 30
 
 
-@pytest.mark.slow
 def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
     from frida_painter.planning.problem import Region
 
@@ -125,7 +121,6 @@ def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
     assert sum(found.layer_sizes) == len(found) and len(found.layer_sizes) == 2
 
 
-@pytest.mark.slow
 def test_goals_without_a_picture_can_have_layers() -> None:
     wanted = Goal((replace(ImageTerm(goal().terms[0].image)),))
     assert len(planner(3, wanted).plan(BARE, 12, 2).layers) == 3
@@ -139,7 +134,6 @@ def two_brushes(**settings: object) -> Planner:
     return Planner(goal(), plain(CANVAS, models, rows=64, effort=QUICK, **{"layers": None, **settings}))  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
 def test_each_brush_paints_its_layer_in_paints_of_its_own() -> None:
     by = two_brushes(layers=2, shares=(0.5, 0.5), new_paints=True)
     plan = by.plan(BARE, 24, 4)
@@ -153,7 +147,6 @@ def test_each_brush_paints_its_layer_in_paints_of_its_own() -> None:
     assert by.expected_loss(plan, BARE) < by.expected_loss(first, BARE)
 
 
-@pytest.mark.slow
 def test_new_paints_are_chosen_again_where_their_layer_begins_and_stay_once_it_has() -> None:
     by = two_brushes(layers=2, new_paints=True)
     plan = by.plan(BARE, 24, 4)
@@ -168,7 +161,6 @@ def test_new_paints_are_chosen_again_where_their_layer_begins_and_stay_once_it_h
     assert torch.equal(later.by_layer()[1].palette.color, again.by_layer()[1].palette.color)
 
 
-@pytest.mark.slow
 def test_what_was_mixed_for_a_layer_binds_only_what_is_painted_from_these_wells() -> None:
     by = two_brushes(layers=2, new_paints=True)
     plan = by.plan(BARE, 24, 4)

@@ -95,7 +95,6 @@ def blocks(*texts: str) -> Tensor:
     return color[torch.arange(85) * len(color) // 85].T[:, None].expand(3, 64, 85).contiguous()
 
 
-@pytest.mark.slow
 def test_wells_of_a_plan_towards_colors_out_of_reach_can_be_mixed_and_told_apart() -> None:
     plan = planner(blocks(*SATURATED)).plan()
     for _, part in plan.by_wells():
@@ -104,13 +103,11 @@ def test_wells_of_a_plan_towards_colors_out_of_reach_can_be_mixed_and_told_apart
     assert len(plan) == 40
 
 
-@pytest.mark.slow
 def test_a_plan_towards_colors_that_can_be_mixed_is_the_same_as_without_the_stage() -> None:
     with_stage, without = (planner(blocks(*MUTED), paints=paints).plan() for paints in ("acrylics", ANY_PAINTS))
     assert with_stage.digest == without.digest and not mixing_changes(with_stage)
 
 
-@pytest.mark.slow
 def test_people_who_do_not_mix_keep_every_color() -> None:
     plan = planner(blocks(*SATURATED), paints=ANY_PAINTS).plan()
     assert not all(recipe.within_reach for recipe in acrylics().mix(plan.palette.color)) and not mixing_changes(plan)

@@ -50,7 +50,6 @@ def test_exactly_so_many_strokes_and_no_more_paints(strokes: int, colors: int) -
     assert sorted(set(plan.paint.tolist())) == list(range(len(plan.palette))), "every well is needed"
 
 
-@pytest.mark.slow
 def test_no_paint_is_darker_than_the_darkest_one_and_the_forecast_knows() -> None:
     night = picture() * 0.3
     free = planner(wanted=Goal((ImageTerm(night),)))
@@ -66,7 +65,6 @@ def test_no_paint_is_darker_than_the_darkest_one_and_the_forecast_knows() -> Non
     assert torch.equal(again.palette.color, plans[0].palette.color), "paints that are mixed are what they are"
 
 
-@pytest.mark.slow
 def test_what_a_camera_sees_of_a_bare_canvas_makes_the_same_plan() -> None:
     seen = BARE - 0.01 * torch.rand(BARE.shape, generator=torch.Generator().manual_seed(0))
     assert planner().plan(seen, 8, 3).digest == planner().plan(None, 8, 3).digest
@@ -75,13 +73,11 @@ def test_what_a_camera_sees_of_a_bare_canvas_makes_the_same_plan() -> None:
     assert planner().plan(painted, 8, 3).digest != planner().plan(None, 8, 3).digest
 
 
-@pytest.mark.slow
 def test_the_same_seed_makes_the_same_plan_bit_for_bit() -> None:
     one, same, other = (planned(12, seed=seed) for seed in (5, 5, 6))
     assert one.digest == same.digest != other.digest
 
 
-@pytest.mark.slow
 def test_the_plan_does_not_follow_the_state_of_the_world() -> None:
     torch.manual_seed(1)
     one = planned(8)
@@ -97,7 +93,6 @@ def test_iterations_are_told_in_one_count_to_the_last() -> None:
     assert {step.of for step in steps} == {by.iterations(10)}
 
 
-@pytest.mark.slow
 def test_planning_again_keeps_the_palette_and_the_count_and_helps() -> None:
     """Measured with three seeds: the goal comes nearer by 4, 6 and 13 %."""
     by = planner(effort=Effort().scale(0.3))
@@ -152,7 +147,6 @@ def test_planning_again_the_same_gives_the_same() -> None:
     assert len(digests) == 1
 
 
-@pytest.mark.slow
 def test_planning_a_quarter_again_takes_a_small_part_of_the_work() -> None:
     by = planner(effort=Effort().scale(0.3))
     plan = by.plan(BARE, 64, 6, lambda step: None)  # warm
@@ -196,13 +190,11 @@ def test_more_effort_is_more_iterations() -> None:
     assert planner().fine == PixelGrid.of_height(CANVAS, 64)
 
 
-@pytest.mark.slow
 def test_pictures_alone_are_planned_without_any_network_and_whatever_is_given_they_stay_so() -> None:
     by = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=0), encoders=NoEncoderRegistry())
     assert by.plan(BARE, 8, 3, lambda step: None).digest == planned(8, 3).digest
 
 
-@pytest.mark.slow
 def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     effort = Effort().scale(0.1)
     wanted = Goal((ImageTerm(picture(120, 160)), StyleTerm(1 - picture(), 3.0)))
@@ -214,7 +206,6 @@ def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     assert len(again) == 8
 
 
-@pytest.mark.slow
 def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None:
     """That it comes nearer than by pixels is for networks that see something, in the experiment `semantic`."""
 
@@ -231,7 +222,6 @@ def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None
     assert by.validation_loss(by.expected(again, half)) <= by.validation_loss(by.expected(rest, half))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "failure",
     [

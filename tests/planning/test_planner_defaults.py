@@ -88,7 +88,6 @@ def test_every_default_of_a_planner_is_that_of_a_description() -> None:
     ), "whatever is new is described"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("strokes", [20, 120, 300])
 @pytest.mark.parametrize("more", [{}, {"canvas": "A4", "fit": "crop", "seed": 4, "focus": "none", "new_paints": False}])
 def test_a_notebook_and_the_command_line_tell_a_planner_the_same(
@@ -107,7 +106,6 @@ def test_a_notebook_and_the_command_line_tell_a_planner_the_same(
     assert (theirs.ground == (0.12, 0.12, 0.5)) == (strokes == 120)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("words", [(), ("--brushes", "fine", "--canvas", "A5"), ("--seed", "3", "--no-new-paints")])
 def test_a_notebook_and_the_command_line_make_the_same_plan_to_the_last_bit(
     photo: Path, tmp_path: Path, words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
@@ -128,7 +126,6 @@ def test_a_notebook_and_the_command_line_make_the_same_plan_to_the_last_bit(
         assert part.numpy().tobytes() == theirs.strokes.arrays()[name].numpy().tobytes(), name
 
 
-@pytest.mark.slow
 def test_what_is_usual_depends_on_the_kinds_of_a_goal_that_has_no_description(coarse_brushes: None) -> None:
     pictured, shown = Goal((ImageTerm(picture()),)), picture()
     assert make_planner(pictured, strokes=99, **QUICK).brushes == ("broad",)
@@ -173,7 +170,6 @@ def test_a_brush_is_known_by_its_name(coarse_brushes: None) -> None:
     assert Planner(goal(), plain("12x9cm", "fine", rows=64)).brushes == ("fine",)
 
 
-@pytest.mark.slow
 def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:
     by = small()
     told, silent = by.plan(by.bare, 6, 3, lambda step: None), small(strokes=6, colors=3).plan()

@@ -27,7 +27,6 @@ def painted_inside(region: Region, strokes: object, rows: int = 192) -> float:
     return float((1 - picture)[:, region.on(grid, widened=False)].max())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_no_pixel_of_any_stroke_enters_and_most_strokes_find_a_place(seed: int) -> None:
     region, strokes = Region(LEFT), some_strokes(40, seed)
@@ -47,7 +46,6 @@ def test_where_there_is_no_place_strokes_are_left_out() -> None:
     assert len(kept) == len(numbers) == 0
 
 
-@pytest.mark.slow
 def test_margins_widen_and_grids_of_any_size_keep_every_forbidden_pixel() -> None:
     dot = torch.zeros(300, 400, dtype=torch.bool)
     dot[100, 200] = True
@@ -72,7 +70,6 @@ def test_gradient_descent_draws_strokes_out_of_it() -> None:
     assert inside(guarded) < 0.4 * inside(free)
 
 
-@pytest.mark.slow
 def test_a_plan_made_again_keeps_clear_and_a_new_goal_keeps_the_region() -> None:
     effort = Effort().scale(0.05)
     planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=1))

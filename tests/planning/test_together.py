@@ -85,7 +85,6 @@ def test_no_stroke_is_proposed_where_later_layers_cover_the_canvas() -> None:
     assert not bool(covered[row, column].all()) and float(covered[row, column].float().mean()) < 0.25
 
 
-@pytest.mark.slow
 def test_parts_become_better_together_than_each_alone() -> None:
     on = varying()
     alone, below, greedy = [], on.canvas, []
@@ -144,7 +143,6 @@ def test_steps_show_the_strokes_of_all_parts() -> None:
     assert float(stacked_cost(first, [on, on])) == pytest.approx(steps[0].loss, rel=1e-5)
 
 
-@pytest.mark.slow
 def test_a_plan_of_layers_is_better_than_one_whose_layers_are_grown_one_after_the_other() -> None:
     by = planner()
     plan = by.plan(strokes=36, colors=4)
@@ -153,7 +151,6 @@ def test_a_plan_of_layers_is_better_than_one_whose_layers_are_grown_one_after_th
     assert by.cost(plan, by.bare) < 0.95 * by.cost(unsettled, by.bare)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("fresh", [False, True])
 def test_paints_of_later_layers_may_change_until_they_are_mixed(fresh: bool) -> None:
     by = planner()
@@ -174,7 +171,6 @@ def test_paints_of_later_layers_may_change_until_they_are_mixed(fresh: bool) -> 
     assert again.layer_sizes == rest.layer_sizes == (0, second - (0 if fresh else 2), plan.layer_sizes[2])
 
 
-@pytest.mark.slow
 def test_layers_that_share_their_wells_keep_them() -> None:
     by = planner(new_paints=False)
     plan = by.plan(strokes=36, colors=4)

@@ -64,7 +64,6 @@ def test_colours_that_are_not_to_vary_are_no_leaves() -> None:
     assert len(Variables(some_strokes(3), None, vary_colors=True).leaves) == 2
 
 
-@pytest.mark.slow
 def test_gradients_arrive_in_every_variable() -> None:
     variables = Variables(some_strokes(4, dtype=F64), None, vary_colors=True)
 
@@ -127,7 +126,6 @@ class Plain(Variables):
     _compiled = False
 
 
-@pytest.mark.slow
 @given(st.integers(1, 20), st.integers(0, 2**31), st.sampled_from((F64, torch.float32)), st.booleans())
 def test_compiled_strokes_and_their_slopes_are_the_plain_ones(
     count: int, seed: int, dtype: torch.dtype, with_paints: bool

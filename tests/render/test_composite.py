@@ -29,7 +29,6 @@ def moved(affine: Tensor, columns: int, rows: int) -> Tensor:
     return torch.cat((affine[:, :, :2], (affine[:, :, 2] + shift)[:, :, None]), 2)
 
 
-@pytest.mark.slow
 @given(
     n=st.integers(0, 12),
     cells=st.tuples(st.integers(1, 9), st.integers(1, 9)),
@@ -38,7 +37,6 @@ def moved(affine: Tensor, columns: int, rows: int) -> Tensor:
     spread=st.sampled_from((0.5, 1.4, 5.0)),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=min(60, settings.default.max_examples))
 def test_it_equals_the_reference_with_every_gradient(
     composite: Composite,
     n: int,
@@ -52,7 +50,6 @@ def test_it_equals_the_reference_with_every_gradient(
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
 
 
-@pytest.mark.slow
 def test_thousands_of_strokes_over_one_another_equal_the_reference(composite: Composite) -> None:
     tensors = scene(2000, (5, 7), (9, 8), spread=0.6)
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
@@ -86,7 +83,6 @@ def test_maps_that_are_squeezed_flat_or_pulled_without_end(composite: Composite,
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
 
 
-@pytest.mark.slow
 def test_gradcheck(composite: Composite) -> None:
     tensors = scene(4, (4, 5), (7, 8), seed=3, spread=1.0)
     assert torch.autograd.gradcheck(composite, [tensor.requires_grad_() for tensor in tensors])

@@ -2,7 +2,7 @@
 
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
@@ -28,7 +28,6 @@ def with_gradients(composite, tensors: Scene, spread: CoverageSpread) -> list[Te
     return [mean.detach(), variance.detach(), *zeros]
 
 
-@pytest.mark.slow
 @PATHS
 @given(
     n=st.integers(0, 12),
@@ -39,7 +38,6 @@ def with_gradients(composite, tensors: Scene, spread: CoverageSpread) -> list[Te
     full=st.floats(0.05, 1),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=min(30, settings.default.max_examples))
 def test_it_equals_the_reference_with_every_gradient(
     composite, n: int, cells: tuple[int, int], pixels: tuple[int, int], scale: float, share: float, full: float,
     seed: int,
@@ -49,7 +47,6 @@ def test_it_equals_the_reference_with_every_gradient(
     assert_same(with_gradients(composite, tensors, spread), theirs)
 
 
-@pytest.mark.slow
 @PATHS
 def test_gradcheck(composite) -> None:
     tensors = scene(2, (3, 4), (4, 5))
@@ -98,7 +95,6 @@ def test_they_are_the_moments_of_pictures_painted_by_chance() -> None:
     torch.testing.assert_close(variance[0, 0], pixel.var(0).mean(), rtol=0.05, atol=1e-4)
 
 
-@pytest.mark.slow
 def test_single_precision_agrees() -> None:
     tensors, spread = scene(30, (9, 12), (40, 50)), CoverageSpread(0.4, 0.97)
     single = Scene(*(tensor.float() for tensor in tensors))

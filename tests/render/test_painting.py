@@ -93,7 +93,6 @@ def test_a_larger_picture_shows_the_same_painting(brush: BezierStroke) -> None:
     assert (shrunk - small).abs().max() < 0.2
 
 
-@pytest.mark.slow
 def test_leaving_out_the_gradient_to_bare_cells_changes_none_of_a_table(brush: BezierStroke) -> None:
     table = StrokeTable.of(brush)
     some, canvas = strokes(), torch.full((3, 100, 150), 0.7)

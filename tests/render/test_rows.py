@@ -46,7 +46,6 @@ def of_some(composite, tensors: Scene, rows: Rows) -> list[Tensor]:
     return [mean.detach(), variance.detach(), *gradients]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("composite", PATHS, ids=lambda path: path.__module__.rpartition(".")[2])
 @given(
     n=st.integers(1, 12),
@@ -66,7 +65,6 @@ def test_a_path_that_sees_some_rows_equals_the_reference_on_all(
     assert_same(of_some(composite, tensors, rows), of_all(tensors, rows))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("spread", [CERTAIN, VARIES], ids=["certain", "varies"])
 @pytest.mark.parametrize("rows", [Rows(2, 1), Rows(4, 0), Rows(5, 3)], ids=str)
 def test_strokes_are_rendered_on_some_rows_as_on_all(rows: Rows, spread: CoverageSpread) -> None:

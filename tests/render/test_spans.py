@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from composites import scene
@@ -32,7 +32,6 @@ def touched(affine: np.ndarray, box: np.ndarray, height: int, width: int) -> np.
     scale=st.sampled_from((1e-4, 0.05, 1.0, 20.0)),
     seed=st.integers(0, 2**31),
 )
-@settings(max_examples=min(60, settings.default.max_examples))
 def test_spans_are_exactly_the_pixels_that_touch(
     dtype: torch.dtype, cells: tuple[int, int], pixels: tuple[int, int], scale: float, seed: int
 ) -> None:

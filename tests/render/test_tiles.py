@@ -22,10 +22,11 @@ from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.planning import problem as planning
 from frida_painter.planning.optimize import optimize
 from frida_painter.render import reference
+from nightly import installed
 from support.planning import CANVAS, small_table, some_strokes
 
 DEVICE = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-pytest.importorskip("triton", reason="the GPU's renderer needs Triton: pip install '.[gpu]'")
+installed("triton")
 from frida_painter.render import tiles  # noqa: E402
 
 
@@ -45,7 +46,6 @@ def both(tensors: Scene, spread: CoverageSpread) -> tuple[list[Tensor], list[Ten
     return with_gradients(tiles.composite_moments, tensors, spread, DEVICE), theirs
 
 
-@pytest.mark.slow
 @given(
     n=st.integers(0, 12),
     cells=st.tuples(st.integers(1, 9), st.integers(1, 9)),
@@ -62,7 +62,6 @@ def test_it_equals_the_reference_with_every_gradient(
     assert_same(*both(scene(n, cells, pixels, seed, scale=scale), CoverageSpread(share, full)))
 
 
-@pytest.mark.slow
 def test_many_strokes_over_one_another_equal_the_reference() -> None:
     assert_same(*both(scene(50, (5, 7), (9, 18), spread=0.6), CoverageSpread(0.5, 0.97)))
 
@@ -73,7 +72,6 @@ def test_strokes_that_never_vary_leave_the_plain_picture() -> None:
     torch.testing.assert_close(seen, reference.composite(*tensors), rtol=0, atol=1e-12)
 
 
-@pytest.mark.slow
 def test_float32_is_near_the_reference() -> None:
     mine, theirs = both(scene(12, (6, 8), (20, 30), dtype=torch.float32), CoverageSpread(0.4, 0.9))
     assert_same(mine[:2], theirs[:2], within=1e-5)
@@ -88,7 +86,6 @@ def test_a_colour_that_is_not_finite_spoils_all_of_it_and_its_gradients() -> Non
     assert all(bool(part.isnan().all()) for part in gradients[:3])
 
 
-@pytest.mark.slow
 def test_gradients_to_bare_cells_are_left_out_where_nobody_asks() -> None:
     magnitude, affine, color, canvas = (tensor.to(DEVICE) for tensor in scene(5, (6, 8), (12, 14)))
     found = []
@@ -125,7 +122,6 @@ def darkened(device: torch.device) -> planning.PlanningProblem:
     return planning.PlanningProblem(torch.ones(3, 24, 32).to(device), CANVAS, planning.on_device(model, device), dark)
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(DEVICE.type == "cuda", reason="the kernels are compiled for the GPU here")
 def test_a_plan_is_optimised_in_tiles_without_a_wait(monkeypatch) -> None:
     strokes = some_strokes(3)
@@ -162,7 +158,6 @@ for kernel, choice in ((tile_kernels.lay, "KEEP"), (tile_kernels.pull, "BARE_ANS
 """
 
 
-@pytest.mark.slow
 def test_the_kernels_compile_for_gpus_of_three_generations(tmp_path) -> None:
     environment = {name: text for name, text in os.environ.items() if name != "TRITON_INTERPRET"}
     environment["TRITON_CACHE_DIR"] = str(tmp_path)

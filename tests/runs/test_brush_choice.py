@@ -26,7 +26,6 @@ def spec(photo: Path, **given: object) -> RunSpec:
     return RunSpec.of(goal=[{"image": str(photo)}], **{**SMALL, "brushes": "auto", **given})
 
 
-@pytest.mark.slow
 def test_the_brush_of_the_least_expected_loss_is_taken_and_painted_with(photo: Path) -> None:
     with PaintingRun(spec(photo, strokes=6)) as run:
         painting = run.simulate()
@@ -40,7 +39,6 @@ def test_the_brush_of_the_least_expected_loss_is_taken_and_painted_with(photo: P
     assert painting.painted == 6
 
 
-@pytest.mark.slow
 def test_with_many_strokes_layers_are_chosen_among_and_a_plan_tells_its_brushes(photo: Path) -> None:
     with PaintingRun(spec(photo, strokes=100, effort=0.05)) as run:
         plan = run.plan()

@@ -1,7 +1,6 @@
 """Pictures that a person takes of a painting without a camera, in the folder `looks` or by `frida-painter look`."""
 
 import os
-import sys
 import time
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,7 +10,6 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter.cli import commands
 from frida_painter.event_log import EventLog
 from frida_painter.runs.look_folder import GivenPicture, LookFolder
 from frida_painter.runs.run import PaintingRun
@@ -21,6 +19,7 @@ from frida_painter.session.events import PauseCause, Paused, Planned, Remark
 from frida_painter.session.journal import History
 from marks import coarse_table
 from support import data
+from support.commandline import run_command
 from support.telephone import taken
 
 STROKES, PAUSED = 12, 6
@@ -52,7 +51,6 @@ def spec(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunSpec:
     )  # fmt: skip
 
 
-@pytest.mark.slow
 def test_a_picture_in_the_folder_counts_as_a_look_and_one_of_another_canvas_is_refused(
     tmp_path: Path, spec: RunSpec, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -105,11 +103,9 @@ def test_a_picture_in_the_folder_counts_as_a_look_and_one_of_another_canvas_is_r
         (("look", "it", "final.jpg", "--corners", "1,2 3"), 2, "--corners was given '1,2 3'"),
         (("look", "it", "final.jpg", "--yes"), 0, "The painting"),
     ):
-        monkeypatch.setattr(sys, "argv", ["frida-painter", *words])
-        with pytest.raises(SystemExit) as end:
-            commands.main()
+        ended = run_command(*words)
         said = " ".join("".join(capsys.readouterr()).split())
-        assert int(end.value.code or 0) == status and says in said, said
+        assert ended == status and says in said, said
     page = (folder / "index.html").read_text()
     assert "photographed by a person" in page and "nobody photographed it" not in page
     assert told(folder).pictured == STROKES

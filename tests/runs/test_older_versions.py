@@ -51,7 +51,6 @@ def test_every_setting_is_kept(stopped: Path) -> None:
         assert kept[name] == value or name == "pace", name  # a painting is resumed at another pace
 
 
-@pytest.mark.slow
 def test_a_stopped_painting_is_resumed_to_its_last_stroke(stopped: Path) -> None:
     with PaintingRun.reopen(stopped) as run:
         assert run.history is not None and run.history.painted == 3

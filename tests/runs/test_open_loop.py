@@ -300,7 +300,6 @@ def told(folder: Path) -> History:
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("repaint", [True, False], ids=["painted again", "given up"])
 @pytest.mark.parametrize("kind", [Grbl, Marlin, Plotter, Xarm])
 def test_a_hundred_strokes_are_sent_as_planned_and_none_twice_after_a_kill(
@@ -348,7 +347,6 @@ def test_a_hundred_strokes_are_sent_as_planned_and_none_twice_after_a_kill(
     print(f"{kind.__name__}: {len(found)} strokes of {len(machine.sent())} points, at most {1e6 * worst:.1f} um off")
 
 
-@pytest.mark.slow
 def test_a_machine_that_lost_its_zero_is_not_resumed_before_a_person_has_found_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,7 +4,6 @@ import json
 import shutil
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -29,13 +28,6 @@ from support import data
 from support.networks import QuickEncoders
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _own_state_of_the_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +64,6 @@ def stopping_after_three(photo: Path, heard: list[Event], folder: Path | None = 
     return PaintingRun(spec, folder, listeners=[hear], controls=Controls(stop_asked=stop.is_set))
 
 
-@pytest.mark.slow
 def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
     with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=4, **SMALL)) as run:
         plan = run.plan()
@@ -94,7 +85,6 @@ def test_the_same_seed_gives_the_same_strokes_planned_and_painted(photo: Path) -
     assert places[0] == places[1], "only their order within a paint may differ: that of short ways"
 
 
-@pytest.mark.slow
 def test_a_simulated_painting_is_the_same_and_leaves_no_file(
     photo: Path, stopped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,7 +98,6 @@ def test_a_simulated_painting_is_the_same_and_leaves_no_file(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("ground", ["#807060", "auto"])
 def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
     heard: list[Event] = []
@@ -124,7 +113,6 @@ def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
     assert float(near.float().mean()) > 0.25, "three strokes leave much of it to be seen"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("choice", [{"ground": "auto"}, {"brushes": "auto"}])
 def test_what_is_chosen_by_quick_plans_is_told_at_every_step_and_can_be_ended(
     photo: Path, choice: dict[str, str]
@@ -157,7 +145,6 @@ def test_what_would_move_a_real_robot_is_not_simulated(photo: Path) -> None:
         run.simulate()
 
 
-@pytest.mark.slow
 def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) -> None:
     assert history_of(stopped).painted == 3
     with PaintingRun.reopen(stopped) as run:
@@ -170,7 +157,6 @@ def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) ->
     assert "resumed" in checked.obstacle and not checked.files and "as it was left" in checked.remark
 
 
-@pytest.mark.slow
 def test_only_a_look_tells_how_much_of_a_stroke_that_was_given_up_is_on_the_canvas(
     photo: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -199,7 +185,6 @@ def test_only_a_look_tells_how_much_of_a_stroke_that_was_given_up_is_on_the_canv
     assert torch.equal(memory.canvas.last_seen, given_up.now) and not len(memory.canvas.batch(given_up.plan, 2))
 
 
-@pytest.mark.slow
 def test_a_finished_painting_teaches_its_calibration_record(photo: Path, tmp_path: Path) -> None:
     wanted = RunSpec.of(goal=[{"image": str(photo)}], strokes=12, replans=1, film=False, **SMALL)
     with PaintingRun(wanted, tmp_path / "first") as run:
@@ -216,7 +201,6 @@ def test_a_finished_painting_teaches_its_calibration_record(photo: Path, tmp_pat
     assert Calibration.load(tmp_path / "second" / "calibration.json") == before, "as it was painted by"
 
 
-@pytest.mark.slow
 def test_stopped_before_there_is_a_plan_nothing_is_left_to_finish(photo: Path, tmp_path: Path) -> None:
     heard: list[Event] = []
     spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, **SMALL)
@@ -232,7 +216,6 @@ def test_a_painting_without_a_goal_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "painting").exists()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("asked", "ground"),
     [

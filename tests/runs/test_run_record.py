@@ -9,11 +9,11 @@ import pytest
 
 import frida_painter as fp
 from frida_painter import storage
-from frida_painter.cli import commands
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.runs.painting_folder import hash_files
 from frida_painter.runs.run_record import RecordCheck, RunRecord
 from support.belongings import files_of_a_person
+from support.commandline import run_command
 from support.planning import picture
 
 OLDER = Path(__file__).parents[1] / "older"
@@ -117,7 +117,6 @@ def test_a_record_without_hashes_of_files_says_so(painted: RunRecord) -> None:
     assert older.results == painted.results and older.check().remark in str(older.check()) != SAME
 
 
-@pytest.mark.slow
 def test_all_files_of_a_painting_are_known_and_stay_known_when_results_are_made_again(tmp_path: Path) -> None:
     fp.save_picture(picture(), tmp_path / "a.png")
     folder = tmp_path / "it"
@@ -181,7 +180,6 @@ def test_older_folders_are_read_and_their_lack_is_said(tmp_path: Path) -> None:
         fp.record(tmp_path)
 
 
-@pytest.mark.slow
 def test_a_plan_is_made_again_to_the_last_bit(tmp_path: Path) -> None:
     fp.save_picture(picture(), tmp_path / "a.png")
     spec = fp.RunSpec.of(goal=[{"image": str(tmp_path / "a.png")}], canvas="12x9cm", strokes=3, render_height=64,
@@ -198,15 +196,7 @@ def test_a_plan_is_made_again_to_the_last_bit(tmp_path: Path) -> None:
     assert not checked.passed and checked.same is None and checked.files[-1] == "plan.json was changed"
 
 
-def test_the_command_says_it_with_its_exit_status(
-    begun: RunRecord, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def status(*words: str) -> int:
-        monkeypatch.setattr("sys.argv", ["frida-painter", *words])
-        with pytest.raises(SystemExit) as left:
-            commands.main()
-        return int(left.value.code or 0)
-
-    assert status("verify", str(begun.folder)) == 0 and capsys.readouterr().out.strip() == SAME
+def test_the_command_says_it_with_its_exit_status(begun: RunRecord, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_command("verify", str(begun.folder)) == 0 and capsys.readouterr().out.strip() == SAME
     (begun.folder / "goal" / "1" / "a.png").unlink()
-    assert status("verify", str(begun.folder)) == 1 and "a.png is gone" in capsys.readouterr().out
+    assert run_command("verify", str(begun.folder)) == 1 and "a.png is gone" in capsys.readouterr().out

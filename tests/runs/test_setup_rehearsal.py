@@ -39,7 +39,6 @@ MACHINES: dict[str, tuple[str, Callable[[], Any]]] = {
 """An axis Z with limit switches, and a servo with a home corner; firmwares differ in the table of behaviours."""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", MACHINES)
 def test_a_newcomer_paints_the_first_stroke_within_fifteen_minutes(
     name: str, simulated_time: SimulatedTime, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -64,7 +63,6 @@ def test_a_newcomer_paints_the_first_stroke_within_fifteen_minutes(
         assert low == pytest.approx(1000 * workcell.press_height, abs=0.05), "the hardest stroke, and nothing lower"
 
 
-@pytest.mark.slow
 def test_a_newcomer_sets_an_arm_up(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     pytest.importorskip("xarm", reason="the extra `xarm` is not installed")
     thought = [0.0]

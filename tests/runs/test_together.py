@@ -1,7 +1,6 @@
 """Paintings without a goal: a person begins, the robot continues, and nothing is lost if the painter is killed."""
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +18,6 @@ from frida_painter.together.turns import PenStroke
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "brush": "fine", "colors": 3}
 LENGTH = 0.03 * math.hypot(1, 0.5)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _own_state_of_the_module(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
-        yield
 
 
 class Killed(BaseException):
@@ -64,7 +56,6 @@ def kinds(folder: Path) -> list[str]:
     return [entry["kind"] for entry in EventLog.read(folder / "journal")]
 
 
-@pytest.mark.slow
 def test_the_robot_continues_what_a_person_begins_until_they_end_it(tmp_path: Path) -> None:
     with PaintingRun(spec(), tmp_path / "drawn") as run:
         person = Person(run, turns=2)
@@ -79,7 +70,6 @@ def test_the_robot_continues_what_a_person_begins_until_they_end_it(tmp_path: Pa
     assert history.finished and len(history.person) == 8
 
 
-@pytest.mark.slow
 def test_killed_in_a_turn_of_the_person_it_answers_them_when_it_is_resumed(tmp_path: Path) -> None:
     with pytest.raises(Killed), PaintingRun(spec(), tmp_path / "drawn") as run:
         Person(run, turns=9, kill_at=2)
@@ -95,7 +85,6 @@ def test_killed_in_a_turn_of_the_person_it_answers_them_when_it_is_resumed(tmp_p
     assert drawn.strokes.length.numpy() == pytest.approx(LENGTH, abs=2e-3), "also after the kill in their spirit"
 
 
-@pytest.mark.slow
 def test_killed_in_its_answer_it_paints_the_rest_of_the_answer(tmp_path: Path) -> None:
     def hear(event: Event) -> None:
         if isinstance(event, StrokePainted) and event.done == 2:
@@ -114,7 +103,6 @@ def test_killed_in_its_answer_it_paints_the_rest_of_the_answer(tmp_path: Path) -
     assert True in adopted and kinds(tmp_path / "drawn")[-1] == "finished"
 
 
-@pytest.mark.slow
 def test_if_nobody_paints_it_waits_and_can_be_resumed(tmp_path: Path) -> None:
     with PaintingRun(spec(), tmp_path / "drawn") as run:
         run.controls = Controls(go_on=lambda paused: True)

@@ -70,7 +70,6 @@ def painting(easel: Easel, person: Person) -> tuple[Hand, ByHand]:
     return Hand(replace(easel, robot=hand, camera=hand.camera, operator=hand, foretell=hand.foretell), MEDIUM), hand
 
 
-@pytest.mark.slow
 def test_every_stroke_and_every_dip_is_asked_for_in_order(easel: Easel) -> None:
     person = Person()
     painting_hand, hand = painting(easel, person)
@@ -95,7 +94,6 @@ def test_every_stroke_and_every_dip_is_asked_for_in_order(easel: Easel) -> None:
     assert all(question.picture is not None for question in person.asked[2:8])
 
 
-@pytest.mark.slow
 def test_several_strokes_of_one_paint_are_shown_on_one_sheet_where_the_person_wants_that(easel: Easel) -> None:
     person = Person(refuses="Strokes 4 to 6", likes_several=True)
     painting_hand, _ = painting(easel, person)
@@ -124,7 +122,6 @@ def test_a_sheet_that_was_painted_is_not_asked_for_again_after_a_pause(easel: Ea
     assert "hands, brush and shadow" in person.asked[-1].text
 
 
-@pytest.mark.slow
 def test_a_stroke_that_is_left_out_is_told_of_and_not_shown_as_painted(easel: Easel) -> None:
     person = Person(refuses="Stroke 2")
     painting_hand, _ = painting(easel, person)
@@ -149,7 +146,6 @@ def test_the_sheet_shows_the_canvas_as_it_was_last_seen_and_the_stroke_in_its_co
     assert (picture - color).abs().amax(0).lt(0.01).sum() > 92 * 92 * 0.9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("word", ["Stroke 2|left out", "Mix", "Wash the brush and", "photograph"])
 def test_who_says_no_ends_it_and_what_was_not_done_is_not_reported(easel: Easel, word: str) -> None:
     person = Person(refuses=word)

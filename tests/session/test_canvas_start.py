@@ -64,7 +64,6 @@ def test_the_studio_shows_what_is_on_its_canvas(painted: VirtualStudio) -> None:
     assert float((painted.truth(150) - old_painting()).abs().mean()) < 0.01
 
 
-@pytest.mark.slow
 def test_an_old_painting_is_seen_in_its_true_colors_by_the_margin(painted: VirtualStudio, bare: BareCanvas) -> None:
     observer = CanvasObserver(known(painted.easel, bare), CanvasStart(on_canvas=True))
     seen = observer.look(0.0, ROWS)
@@ -74,7 +73,6 @@ def test_an_old_painting_is_seen_in_its_true_colors_by_the_margin(painted: Virtu
         unaware.look(0.0, ROWS)
 
 
-@pytest.mark.slow
 def test_a_lamp_that_moved_since_the_canvas_was_bare_is_accounted_for(painted: VirtualStudio, bare: BareCanvas) -> None:
     observer = CanvasObserver(known(painted.easel, bare), CanvasStart(on_canvas=True))
     before = error(painted, observer.look(0.0, ROWS))
@@ -113,7 +111,6 @@ def test_a_canvas_that_has_the_ground_already_is_not_asked_about(bare: BareCanva
     assert error(toned, observer.look(0.0, ROWS)) < 0.04
 
 
-@pytest.mark.slow
 def test_a_bare_canvas_teaches_the_light_as_before(bare: BareCanvas) -> None:
     plain, aware = studio(), studio()
     one = CanvasObserver(plain.easel).look(0.0, ROWS)
@@ -139,7 +136,6 @@ def test_other_surroundings_are_not_believed(painted: VirtualStudio, bare: BareC
         light_by_margin(photograph, record, SIZE)
 
 
-@pytest.mark.slow
 def test_the_canvas_calibration_keeps_a_bare_canvas_and_no_other(painted: VirtualStudio, tmp_path: Path) -> None:
     opened = studio()
     found = lead(canvas_procedure(opened.easel), lambda question: question.proposal)

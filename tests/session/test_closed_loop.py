@@ -16,13 +16,11 @@ def _small_photographs() -> Iterator[None]:
         yield
 
 
-@pytest.mark.slow
 def test_looking_beats_painting_blindly_where_the_robot_stands_off() -> None:
-    """Measured: 0.58. Without correction of the robot it is 0.84 to 1.08; tests/stress/claims.py takes more seeds."""
-    assert error_with_looks(0) < 0.8
+    """Measured: 0.67. tests/stress/claims.py paints more strokes, with more seeds."""
+    assert error_with_looks(0, replans=3, strokes=40, effort=0.1) < 0.8
 
 
-@pytest.mark.slow
 def test_a_painting_from_end_to_end_shows_what_was_wanted_and_survives_faults() -> None:
     """30 strokes, of which one does not touch the canvas, while one photograph is stale."""
     numbers: list[int] = []

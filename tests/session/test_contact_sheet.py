@@ -31,14 +31,12 @@ def test_every_dirty_stroke_is_marked():
     assert none < 0.001 < one < two
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 3, 60])
 def test_any_number_of_strokes_fits(count):
     picture = contact_sheet(judged(count, {}), "A title that is much longer than what the page is wide " * 4)
     assert picture.shape[0] == 3 and picture.shape[2] == 1800
 
 
-@pytest.mark.slow
 def test_of_very_many_the_dirty_ones_are_all_shown():
     library = judged(2000, {1999: Flaw.TORN})
     assert contact_sheet(library, "Strokes").shape == contact_sheet(judged(MAX_SHOWN, {}), "Strokes").shape

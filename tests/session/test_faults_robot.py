@@ -5,14 +5,13 @@ The robot is a virtual one that is taken for a machine, so that nothing here is 
 
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import pytest
@@ -24,25 +23,11 @@ from frida_painter.errors import MotionFailed, PoseMismatch, RobotDisconnected, 
 from frida_painter.hardware.faults import FailedMotion, Faults
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.hardware.robot import Waypoints
+from killing import ForkedProcess
 from session import easel_errands
-from session.easel_errands import MACHINE, PAINTS, easel_of, install_machine, moves, paint, stroke, until
-
-pytestmark = pytest.mark.slow
+from session.easel_errands import MACHINE, PAINTS, dip, easel_of, install_machine, moves, paint, stroke, until
 
 STUDIO = "virtual studio 3"
-# A painting process that paints one stroke after another, at so many m/s, and says so.
-PAINTER = """
-import sys, pathlib
-from dataclasses import replace
-from session.easel_errands import PAINTS, dip, easel_of, order_in, stroke
-with easel_of(order_in(pathlib.Path(sys.argv[1]), pace=1.0, robot=sys.argv[3])) as (easel, process):
-    easel.operator.fill_wells(PAINTS)
-    easel.robot.follow(dip(easel, 0))
-    for number in range(6):
-        path = replace(stroke(easel, number), speed=float(sys.argv[2]))
-        print(number, process._process.pid, flush=True)
-        easel.robot.follow(path)
-"""
 
 
 @pytest.fixture(autouse=True)
@@ -63,21 +48,42 @@ def gone(entry: dict) -> float:
     return float(np.linalg.norm(np.diff(np.array(entry["path"]), axis=0), axis=1).sum())
 
 
+def paint_six(folder: Path, speed: float, robot: str) -> None:
+    """Paints one stroke after another, at so many m/s, and says so, with the number of the easel's process."""
+    with easel_of(order_in(folder, pace=1.0, robot=robot)) as (easel, process):
+        easel.operator.fill_wells(PAINTS)
+        easel.robot.follow(dip(easel, 0))
+        for number in range(6):
+            print(number, process._process.pid, flush=True)
+            easel.robot.follow(replace(stroke(easel, number), speed=speed))
+
+
+@dataclass(frozen=True)
+class Painter:
+    """A painting process. said: what it has painted; complaint: what it says where something goes wrong"""
+
+    process: ForkedProcess
+    said: IO[str]
+    complaint: Path
+
+    def end(self, timeout: float) -> str:
+        self.process.wait(timeout)
+        return self.complaint.read_text()
+
+
 @contextmanager
-def painter(folder: Path, speed: float = 0.06, robot: str = MACHINE) -> Iterator[subprocess.Popen[str]]:
+def painter(folder: Path, speed: float = 0.06, robot: str = MACHINE) -> Iterator[Painter]:
     """The painting process; whatever becomes of the test, it is gone afterwards, even where it was held up."""
-    tests = str(Path(__file__).parents[1])
-    with subprocess.Popen(
-        [sys.executable, "-c", PAINTER, str(folder), str(speed), robot],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([tests, os.environ.get("PYTHONPATH", "")])},
-    ) as process:
+    reading, writing = os.pipe()
+    complaint = folder.parent / "complaint"
+    with os.fdopen(reading) as said, os.fdopen(writing, "w") as telling, complaint.open("w") as complaining:
+        process = ForkedProcess(lambda: paint_six(folder, speed, robot), stdout=telling, stderr=complaining)
+        telling.close()
         try:
-            yield process
+            yield Painter(process, said, complaint)
         finally:
             process.kill()
+            process.wait()
 
 
 @pytest.mark.parametrize("way", ["line", "file"])
@@ -131,31 +137,28 @@ def test_stop_within_a_stroke_acts_at_once_and_holds_until_a_person_re_arms(tmp_
 def test_a_painting_process_that_is_held_up_has_its_robot_stopped_within_three_seconds(tmp_path: Path) -> None:
     """Fault F12: the painting process is held up (SIGSTOP)."""
     folder = tmp_path / "painting"
-    with painter(folder, speed=0.005) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline().startswith("0"), process.stderr and process.stderr.read()
+    with painter(folder, speed=0.005) as painting:
+        assert painting.said.readline().startswith("0"), painting.complaint.read_text()
         time.sleep(1.0)  # within a stroke of more than ten seconds
-        process.send_signal(signal.SIGSTOP)
+        painting.process.send_signal(signal.SIGSTOP)
         held = time.time()
         stopped = until(lambda: latch(folder).read(), 10)
         assert "fell silent" in stopped.reason and stopped.at - held < 3.3
         told = len(moves(folder))
-        process.send_signal(signal.SIGCONT)
-        _, complaint = process.communicate(timeout=60)
-        assert "RobotStopped" in complaint and len(moves(folder)) <= told + 1
+        painting.process.send_signal(signal.SIGCONT)
+        assert "RobotStopped" in painting.end(timeout=60) and len(moves(folder)) <= told + 1
 
 
 def test_a_painting_process_killed_within_a_stroke_leaves_it_done_and_nothing_moves_on(tmp_path: Path) -> None:
     """Fault F2: the painting process is killed within a stroke."""
     folder = tmp_path / "painting"
-    with painter(folder) as process:
-        assert process.stdout is not None
-        while not (line := process.stdout.readline()).startswith("2"):  # by then all that computes has been loaded
+    with painter(folder) as painting:
+        while not (line := painting.said.readline()).startswith("2"):  # by then all that computes has been loaded
             assert line
         host = int(line.split()[1])
         time.sleep(0.8)
         before = len(moves(folder))
-        process.kill()
+        painting.process.kill()
     until(lambda: not Path(f"/proc/{host}/stat").exists() or Path(f"/proc/{host}/stat").read_text().split()[2] == "Z")
     assert len(moves(folder)) == before + 1
     assert latch(folder).read() is None, "it ended well within the three seconds, and nobody has anything to free"
@@ -288,14 +291,13 @@ def test_a_simulated_robot_that_was_stopped_stands_still_but_is_neither_latched_
 def test_a_painting_process_that_is_held_up_has_its_simulated_robot_wait_for_it(tmp_path: Path) -> None:
     """Fault B12: a very busy machine and a simulated robot."""
     folder = tmp_path / "painting"
-    with painter(folder, robot="virtual") as process:
-        assert process.stdout is not None
-        assert process.stdout.readline().startswith("0"), process.stderr and process.stderr.read()
-        process.send_signal(signal.SIGSTOP)
+    with painter(folder, robot="virtual") as painting:
+        assert painting.said.readline().startswith("0"), painting.complaint.read_text()
+        painting.process.send_signal(signal.SIGSTOP)
         time.sleep(5.0)
-        process.send_signal(signal.SIGCONT)
-        _, complaint = process.communicate(timeout=120)
-        assert process.returncode == 0, complaint
+        painting.process.send_signal(signal.SIGCONT)
+        complaint = painting.end(timeout=120)
+        assert painting.process.returncode == 0, complaint
     assert len(moves(folder)) == 7, "a dip and six strokes"
     assert not (tmp_path / "state" / "stopped").exists()
 

@@ -153,7 +153,6 @@ def test_the_time_of_the_last_motion_is_the_robot_s() -> None:
     assert hand.last_motion == 105.0, "a dip, above the stroke, the stroke, and up"
 
 
-@pytest.mark.slow
 def test_a_batch_that_the_simulated_sawyer_does_not_reach_is_refused_before_anything_moves() -> None:
     pytest.importorskip("mink")
     wide = CanvasSize(0.9, 0.9)
@@ -174,7 +173,6 @@ def record_of(library: StrokeLibrary, folder: Path) -> Calibration:
     return replace(CALIBRATION, library=LearnedFile(str(folder / "strokes.npz"), "0" * 64))
 
 
-@pytest.mark.slow
 def test_a_library_with_fewer_dips_than_strokes_tells_what_a_dip_paints(tmp_path: Path) -> None:
     library = small_library(40)
     since = np.where(np.arange(40) % 2 == 0, 0, 1e-4).astype(np.float32)

@@ -28,7 +28,6 @@ def read(folder: Path) -> History:
     return History.of(EventLog.read(folder / "journal"), folder)
 
 
-@pytest.mark.slow
 def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) -> None:
     noted: list[tuple[int, int | None]] = []
 
@@ -52,7 +51,6 @@ def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) ->
     assert noted == [(number, None) for number in range(1, 7)]
 
 
-@pytest.mark.slow
 def test_every_motion_is_noted_with_who_and_when(tmp_path: Path) -> None:
     setup = SessionSetup(6, replans=1, colors=2, timelapse_frames=3, journal=begun(tmp_path))
     setup.run()
@@ -64,7 +62,6 @@ def test_every_motion_is_noted_with_who_and_when(tmp_path: Path) -> None:
     assert times == sorted(times) and all(time.endswith("+00:00") for time in times)
 
 
-@pytest.mark.slow
 def test_the_plan_in_the_folder_is_the_one_that_is_painted(tmp_path: Path) -> None:
     digests: list[tuple[str, str]] = []
 
@@ -78,7 +75,6 @@ def test_the_plan_in_the_folder_is_the_one_that_is_painted(tmp_path: Path) -> No
     assert [planning.done for planning in read(tmp_path).plannings] == [0, 2, 4]
 
 
-@pytest.mark.slow
 def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
     setup = SessionSetup(6, replans=2, journal=begun(tmp_path))
     setup.run()
@@ -104,7 +100,6 @@ def test_at_which_heights_brushes_touch_is_known_again_when_it_is_resumed(tmp_pa
     assert [planning.placement for planning in read(tmp_path).plannings] == [Placement.unknown(), learned]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("painted", [0, 1, 3, 5])
 def test_a_stop_is_noted_and_is_not_the_end(tmp_path: Path, painted: int) -> None:
     setup = SessionSetup(6, stop_at=lambda event: getattr(event, "done", 0) == painted, journal=begun(tmp_path))
@@ -166,7 +161,6 @@ def test_a_journal_of_another_kind_is_refused_and_left_alone(
         Journal.reopen(tmp_path)
 
 
-@pytest.mark.slow
 def test_a_photograph_is_rather_left_out_than_the_painting_broken_off(tmp_path: Path) -> None:
     journal = begun(tmp_path)
     (tmp_path / "photographs").write_text("in the way")
@@ -175,7 +169,6 @@ def test_a_photograph_is_rather_left_out_than_the_painting_broken_off(tmp_path: 
     assert told.finished and all(planning.photograph is None for planning in told.plannings)
 
 
-@pytest.mark.slow
 def test_a_journal_nowhere_leaves_no_traces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     SessionSetup(4, journal=Journal.nowhere()).run()

@@ -77,7 +77,6 @@ def test_each_frame_of_the_film_is_taken_when_the_hand_leaves_or_before_the_next
     assert all(later - before <= waits + strokes / min(wanted, strokes) for before, later in between)
 
 
-@pytest.mark.slow
 def test_a_frame_waits_until_the_hand_leaves_for_paint() -> None:
     setup = SessionSetup(12, replans=0, timelapse_frames=3, colors=2)
     setup.run()
@@ -89,7 +88,6 @@ def test_a_frame_waits_until_the_hand_leaves_for_paint() -> None:
     assert sum(isinstance(event, TimelapseFrame) for event in setup.heard) == 3
 
 
-@pytest.mark.slow
 def test_a_resumed_painting_gets_the_frames_of_what_it_still_paints() -> None:
     setup = SessionSetup(12, replans=0, timelapse_frames=6)
     plan, bare = setup.planner.plan(torch.ones(3, 8, 8), 12, 2, lambda step: None), torch.ones(3, 48, 64)
@@ -98,7 +96,6 @@ def test_a_resumed_painting_gets_the_frames_of_what_it_still_paints() -> None:
     assert len(frames) == 3 and frames[-1] == 12 and min(frames) >= 8
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("strokes", "replans"), [(1, 0), (1, 4), (3, 1), (7, 3), (5, 50), (12, 11)])
 def test_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> None:
     """Fault F35: unusual counts of strokes and batches."""
@@ -108,7 +105,6 @@ def test_exactly_so_many_strokes_are_painted(strokes: int, replans: int) -> None
     assert setup.painted() == list(range(1, strokes + 1))
 
 
-@pytest.mark.slow
 def test_events_come_in_the_order_in_which_things_happen() -> None:
     setup = SessionSetup(4, replans=1, colors=2)
     setup.run()
@@ -123,7 +119,6 @@ def test_events_come_in_the_order_in_which_things_happen() -> None:
     assert setup.heard[-1].expected.mean() == pytest.approx(0.998), "what the last two strokes were to make of it"
 
 
-@pytest.mark.slow
 def test_what_is_left_is_planned_again_from_what_was_seen_after_each_batch() -> None:
     setup = SessionSetup(10, replans=4)
     setup.run()
@@ -132,7 +127,6 @@ def test_what_is_left_is_planned_again_from_what_was_seen_after_each_batch() -> 
     assert all(seen is canvas for seen, canvas in zip(looks, setup.planner.canvases, strict=False))
 
 
-@pytest.mark.slow
 def test_after_each_batch_the_robot_is_sent_where_strokes_land_as_they_are_meant_to() -> None:
     aimed = SessionSetup(6, replans=2, colors=3)  # of each paint a batch, so that both are painted in one order
     aimed.run()
@@ -147,7 +141,6 @@ def test_after_each_batch_the_robot_is_sent_where_strokes_land_as_they_are_meant
     assert moved == pytest.approx([0.0, 0.0, 0.001, 0.001, 0.002, 0.002])
 
 
-@pytest.mark.slow
 def test_the_arm_steps_aside_before_every_look_and_the_brush_ends_clean() -> None:
     setup = SessionSetup(6, replans=2, timelapse_frames=6)
     setup.run()
@@ -158,7 +151,6 @@ def test_the_arm_steps_aside_before_every_look_and_the_brush_ends_clean() -> Non
     assert labels[-3:] == ["rinse", "wipe", "home"]
 
 
-@pytest.mark.slow
 def test_wells_are_filled_once_before_the_first_dip() -> None:
     setup = SessionSetup(5, replans=3, colors=3)
     setup.run()
@@ -166,7 +158,6 @@ def test_wells_are_filled_once_before_the_first_dip() -> None:
     assert setup.kinds(PlanningStep).index("PaintsWanted") < setup.kinds(PlanningStep).index("Dipped")
 
 
-@pytest.mark.slow
 def test_what_was_really_mixed_is_planned_with_before_the_first_stroke() -> None:
     wanted: list[Palette] = []
 
@@ -193,7 +184,6 @@ def test_what_was_really_mixed_is_planned_with_before_the_first_stroke() -> None
     assert setup.painted() == [1, 2, 3, 4, 5, 6]
 
 
-@pytest.mark.slow
 def test_what_is_left_after_a_pause_gets_the_paints_that_were_really_mixed() -> None:
     mixing: list[bool] = []
 
@@ -214,7 +204,6 @@ def test_what_is_left_after_a_pause_gets_the_paints_that_were_really_mixed() -> 
     assert torch.equal(plans[2].palette.color, plans[1].palette.color * 0.9)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stroke", [1, 4, 5, 9])
 def test_a_stop_is_heeded_after_the_stroke_and_everything_is_kept(stroke: int) -> None:
     setup = SessionSetup(9, replans=2, stop_at=lambda event: isinstance(event, StrokePainted) and event.done == stroke)
@@ -241,7 +230,6 @@ def test_a_stop_while_planning_paints_nothing() -> None:
     assert setup.kinds() == ["PlanningStep", "Stopped"]
 
 
-@pytest.mark.slow
 def test_a_stop_while_planning_again_keeps_the_plan_as_it_was() -> None:
     setup = SessionSetup(9, stop_at=lambda event: isinstance(event, PlanningStep) and event.phase == "replan")
     painting = setup.run()
@@ -253,7 +241,6 @@ def test_a_robot_that_lies_ends_the_painting() -> None:
         SessionSetup(4, robot=NotingRobot(astray=0.01)).run()
 
 
-@pytest.mark.slow
 def test_a_plan_that_was_made_before_is_painted_as_it_is() -> None:
     setup = SessionSetup(6, replans=0, colors=2)
     made = setup.planner.plan(torch.ones(3, 48, 64), 6, 2, lambda step: None)
@@ -263,7 +250,6 @@ def test_a_plan_that_was_made_before_is_painted_as_it_is() -> None:
     assert planned[0].plan is made and not any(isinstance(event, PlanningStep) for event in setup.heard)
 
 
-@pytest.mark.slow
 def test_in_a_pause_a_person_may_have_it_look_again_and_paint_something_else() -> None:
     setup = SessionSetup(8, replans=1, pause_at=lambda event: isinstance(event, StrokePainted) and event.done == 2)
 
@@ -283,7 +269,6 @@ def test_in_a_pause_a_person_may_have_it_look_again_and_paint_something_else() -
     assert setup.planner.located == [2, 2, 1]
 
 
-@pytest.mark.slow
 def test_what_a_person_has_planned_in_a_pause_overtakes_what_was_being_planned() -> None:
     setup = SessionSetup(
         6, replans=1, pause_at=lambda event: isinstance(event, PlanningStep) and event.phase == "replan"
@@ -308,7 +293,6 @@ def layered(replans: int, layers: tuple[int, ...] = (4, 2, 2), **rest: object) -
     return SessionSetup(sum(layers), replans, colors=2, planner=NotingPlanner(layers=layers), **rest)  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
 def test_between_layers_paint_dries_and_then_the_next_one_is_planned_anew_on_what_is_seen() -> None:
     setup = layered(replans=1)
     setup.run()
@@ -322,7 +306,6 @@ def test_between_layers_paint_dries_and_then_the_next_one_is_planned_anew_on_wha
     assert sum(setup.easel.operator.dried) == 2 * DRYING
 
 
-@pytest.mark.slow
 def test_nobody_is_told_of_drying_that_a_simulation_does_at_once(tmp_path: Path) -> None:
     journal = Journal.begin(tmp_path, {}, {})
     setup = layered(replans=1, simulated=True, journal=journal)
@@ -334,7 +317,6 @@ def test_nobody_is_told_of_drying_that_a_simulation_does_at_once(tmp_path: Path)
     assert sum(isinstance(event, Drying) and event.left == 0 for event in noted) == 2
 
 
-@pytest.mark.slow
 def test_a_look_inside_a_layer_does_not_begin_one() -> None:
     setup = layered(replans=3, layers=(5, 3))
     setup.run()
@@ -343,7 +325,6 @@ def test_a_look_inside_a_layer_does_not_begin_one() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.slow
 def test_who_does_not_look_lets_layers_dry_all_the_same() -> None:
     setup = layered(replans=0)
     painting = setup.run()
@@ -352,7 +333,6 @@ def test_who_does_not_look_lets_layers_dry_all_the_same() -> None:
     assert sum(setup.easel.operator.dried) == 2 * DRYING
 
 
-@pytest.mark.slow
 def test_the_brush_is_clean_and_the_arm_aside_while_paint_dries() -> None:
     setup = layered(replans=0, layers=(2, 2))
     setup.run()
@@ -367,7 +347,6 @@ def of_brushes(*brushes: str, **rest: object) -> SessionSetup:
     return SessionSetup(2 * len(brushes), 1, colors=2, planner=planner, **rest)  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
 def test_each_layer_is_painted_with_its_brush_which_is_asked_for_when_it_changes() -> None:
     setup = of_brushes("small", "large", "large", "small")
     setup.run()
@@ -419,7 +398,6 @@ def test_a_brush_that_nothing_is_known_of_stops_before_anything_moves() -> None:
     assert setup.painted() == []
 
 
-@pytest.mark.slow
 def test_resumed_where_a_layer_begins_it_dries_first_and_looks() -> None:
     setup = layered(replans=1, layers=(6, 2))
     plan = setup.planner.plan(torch.ones(3, 8, 8), 8, 2, lambda step: None)
@@ -432,7 +410,6 @@ def test_resumed_where_a_layer_begins_it_dries_first_and_looks() -> None:
     assert setup.painted() == [7, 8]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("wet", "planned_at", "looks"), [(61.5, 4, 2), (0.0, 4, 2), (0.0, 6, 1)])
 def test_resumed_in_drying_it_waits_for_the_rest_only_and_looks_where_nobody_has(
     wet: float, planned_at: int, looks: int
@@ -448,7 +425,6 @@ def test_resumed_in_drying_it_waits_for_the_rest_only_and_looks_where_nobody_has
     assert first.drying == wet and first.after[0] > wet
 
 
-@pytest.mark.slow
 def test_a_stop_and_a_pause_are_heard_while_paint_dries(tmp_path: Path) -> None:
     stopped = layered(replans=1, stop_at=lambda event: isinstance(event, Drying) and event.left == DRYING - 60)
     assert stopped.run().painted == 4 and sum(stopped.easel.operator.dried) == 60
@@ -483,7 +459,6 @@ def test_a_stop_while_paint_dries_is_heeded_at_once(simulated: bool) -> None:
     assert len(began) == 1 and time.monotonic() - began[0] < 8, "and not ten seconds of the robot's clock"
 
 
-@pytest.mark.slow
 def test_paint_dries_at_the_easel_s_pace() -> None:
     setup = layered(replans=0, layers=(2, 2))
     setup.hand.easel = replace(setup.easel, pace=0.01, simulated=True)
@@ -492,7 +467,6 @@ def test_paint_dries_at_the_easel_s_pace() -> None:
     assert setup.run().painted == 4 and time.monotonic() - before >= 0.4
 
 
-@pytest.mark.slow
 def test_paint_that_dries_at_once_is_not_waited_for() -> None:
     setup = layered(replans=1, layers=(2, 2))
     setup.hand.drying = 0.0
@@ -530,7 +504,6 @@ def test_a_canvas_that_was_not_toned_pauses_before_anything_is_planned(
     assert setup.kinds() == ["GroundWanted", "Paused"] and setup.painted() == []
 
 
-@pytest.mark.slow
 def test_who_goes_on_all_the_same_paints_on_what_is_there() -> None:
     setup = SessionSetup(3, go_on=lambda paused: True)
     setup.planner.ground = TAN

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 import torch
 
 from frida_painter.brush.kinds import brush_kind
@@ -54,7 +53,6 @@ def test_the_letter_as_drawn_is_an_f() -> None:
         assert np.corrcoef(ink.ravel(), flipped.ravel())[0, 1] < 0.5
 
 
-@pytest.mark.slow
 def test_an_f_painted_through_the_whole_path_comes_back_as_an_f() -> None:
     """Fault F36: a mirrored canvas.
 

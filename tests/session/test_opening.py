@@ -48,7 +48,6 @@ print(faults())
 """
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries are not told how to keep memory")
 def test_a_process_that_plans_keeps_its_memory() -> None:
     """Where each block comes from the system anew, twenty times three of them are some 100,000 pages."""
@@ -115,7 +114,6 @@ def painted(studio: VirtualStudio, easel: Easel) -> torch.Tensor:
     return studio.truth(150)
 
 
-@pytest.mark.slow
 def test_with_its_record_a_studio_that_stands_askew_paints_nearly_like_one_that_does_not(tmp_path: Path) -> None:
     askew = PlacementError((0.003, -0.0026), math.radians(2))
     straight = open_studio(SIZE, "fine", seed=2, placement_error=PlacementError((0.0, 0.0), 0.0))

@@ -35,7 +35,6 @@ def pauses(setup: SessionSetup) -> list[Paused]:
     return [event for event in setup.heard if isinstance(event, Paused)]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stroke", [1, 4, 6])
 def test_a_pause_in_a_stroke_lets_it_be_finished_and_the_arm_is_aside_with_a_clean_brush(stroke: int) -> None:
     """Fault F11: a pause while planning or within a stroke."""
@@ -54,7 +53,6 @@ def test_a_pause_in_a_stroke_lets_it_be_finished_and_the_arm_is_aside_with_a_cle
     assert setup.painted() == list(range(1, 10)), "and every stroke is painted once"
 
 
-@pytest.mark.slow
 def test_a_pause_while_planning_is_heeded_at_the_next_step_and_planning_goes_on() -> None:
     """Fault F11: a pause while planning or within a stroke."""
     setup = SessionSetup(
@@ -90,7 +88,6 @@ class FullDisk:
         monkeypatch.setattr(os, "pwrite", writing)
 
 
-@pytest.mark.slow
 def test_on_a_full_disk_it_pauses_before_the_next_stroke_and_goes_on_when_there_is_room(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -137,7 +134,6 @@ def test_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
     journal.record_resume(history, repaint=False)
 
 
-@pytest.mark.slow
 def test_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path) -> None:
     """Fault F7: the painting's folder vanishes or becomes read-only."""
     folder = tmp_path / "painting"
@@ -157,7 +153,6 @@ def test_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path) ->
     assert told(folder).finished
 
 
-@pytest.mark.slow
 def test_photographs_are_given_up_before_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fault F6: the disk is nearly full."""
 
@@ -185,14 +180,12 @@ class Blind(PatientCamera):
         return frame
 
 
-@pytest.mark.slow
 def test_a_camera_that_answers_at_the_third_time_of_asking_is_no_reason_to_pause() -> None:
     """Fault F21: the camera is gone."""
     setup = SessionSetup(4, replans=1, camera=Blind({2, 3}))
     assert setup.run().painted == 4 and pauses(setup) == []
 
 
-@pytest.mark.slow
 def test_without_a_camera_it_pauses_with_the_arm_aside_and_plans_nothing_again() -> None:
     """Fault F21: the camera is gone."""
     asked: list[int] = []
@@ -210,7 +203,6 @@ def test_without_a_camera_it_pauses_with_the_arm_aside_and_plans_nothing_again()
         SessionSetup(6, replans=1, camera=Blind({2, 3, 4})).run()
 
 
-@pytest.mark.slow
 def test_a_glimpse_for_the_film_is_rather_left_out() -> None:
     """Fault F21: the camera is gone."""
     setup = SessionSetup(4, replans=0, timelapse_frames=2, camera=Blind({2, 3, 4}))
@@ -218,7 +210,6 @@ def test_a_glimpse_for_the_film_is_rather_left_out() -> None:
     assert setup.kinds().count("TimelapseFrame") == 1
 
 
-@pytest.mark.slow
 def test_an_old_frame_is_asked_for_again_and_then_it_pauses() -> None:
     """Fault F22: the camera repeats an old frame."""
     stale = (0.5, 1)

@@ -29,7 +29,6 @@ def painted(**settings: object) -> tuple[SessionSetup, float]:
     return setup, told(setup)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.2])
 def test_as_many_strokes_are_painted_as_there_is_time_for(share: float) -> None:
     whole = needed(replans=3)
@@ -40,7 +39,6 @@ def test_as_many_strokes_are_painted_as_there_is_time_for(share: float) -> None:
     assert last.done == last.of == len(setup.painted())
 
 
-@pytest.mark.slow
 def test_with_time_enough_nothing_is_left_out() -> None:
     whole = needed(replans=3)
     setup, told_again = painted(replans=3, budget=1.03 * whole)
@@ -48,14 +46,12 @@ def test_with_time_enough_nothing_is_left_out() -> None:
     assert len(setup.painted()) == 30
 
 
-@pytest.mark.slow
 def test_looks_for_the_film_take_of_the_time() -> None:
     whole = needed(replans=0)
     with_film, _ = painted(replans=0, timelapse_frames=30, budget=whole)
     assert 0 < len(with_film.painted()) < 30
 
 
-@pytest.mark.slow
 def test_drying_takes_of_the_time_and_a_layer_for_which_there_is_none_is_left_out() -> None:
     layered, whole = painted(replans=0, planner=NotingPlanner(layers=(20, 10)))
     assert whole > DRYING
@@ -64,7 +60,6 @@ def test_drying_takes_of_the_time_and_a_layer_for_which_there_is_none_is_left_ou
     assert sum(layered.easel.operator.dried) == pytest.approx(DRYING) and short.easel.operator.dried == []
 
 
-@pytest.mark.slow
 def test_a_plan_that_was_made_before_is_shortened_as_well() -> None:
     whole = needed(replans=0)
     setup = SessionSetup(30, colors=3, budget=whole / 2)
@@ -80,7 +75,6 @@ def test_a_budget_in_which_not_one_stroke_is_painted_is_refused_before_anything_
     assert setup.painted() == []
 
 
-@pytest.mark.slow
 def test_what_is_left_gets_shorter_where_a_look_makes_it_longer() -> None:
     """The planner answers a look with strokes that take twice as long; the budget holds all the same."""
     whole = needed(replans=1)
@@ -91,7 +85,6 @@ def test_what_is_left_gets_shorter_where_a_look_makes_it_longer() -> None:
     assert spent is not None and spent.painted == len(setup.painted())
 
 
-@pytest.mark.slow
 def test_a_plan_in_mixed_paints_that_is_being_shortened_is_given_up_where_a_person_has_another_adopted() -> None:
     whole = needed(replans=0)
 

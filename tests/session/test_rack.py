@@ -62,7 +62,6 @@ def test_a_brush_that_the_rack_lacks_is_named_and_so_are_those_that_it_has(chang
         Motion(replace(WORKSPACE, rack=replace(RACK, places={})), CALIBRATION).take("small")
 
 
-@pytest.mark.slow
 def test_every_layer_is_painted_with_its_brush_and_all_stand_in_the_rack_in_the_end(tmp_path: Path) -> None:
     painted = setup("small", "large", "large", journal=Journal.begin(tmp_path, {}, {}))
     assert painted.run().painted == 6
@@ -91,14 +90,12 @@ def test_every_layer_is_painted_with_its_brush_and_all_stand_in_the_rack_in_the_
     assert [event.brush for event in painted.heard if isinstance(event, LayerBegun)] == ["small", "large", "large"]
 
 
-@pytest.mark.slow
 def test_one_brush_for_all_is_taken_from_the_rack_as_well() -> None:
     painted = SessionSetup(3, rack=RACK)
     painted.run()
     assert changes(painted) == [SMALL_TAKEN, SMALL_BACK]
 
 
-@pytest.mark.slow
 def test_without_a_rack_the_page_is_told_which_brush_is_in_the_hand() -> None:
     painted = SessionSetup(3)
     painted.run()
@@ -126,7 +123,6 @@ def test_a_brush_that_is_not_there_or_out_of_reach_is_refused_before_anything_mo
     assert painted.robot.motions == [] and painted.camera.asked == []
 
 
-@pytest.mark.slow
 def test_a_stop_between_two_motions_of_a_change_is_heeded_and_nothing_is_held_then() -> None:
     stopping = setup("small", "large")
     follow = stopping.robot.follow
@@ -140,7 +136,6 @@ def test_a_stop_between_two_motions_of_a_change_is_heeded_and_nothing_is_held_th
     assert changes(stopping) == [SMALL_TAKEN, SMALL_BACK] and any(isinstance(one, Stopped) for one in stopping.heard)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("broken", "held"), [(SMALL_TAKEN, None), (SMALL_BACK, None), ("stroke 1", "small")])
 def test_whoever_resumes_knows_what_is_in_the_hand_or_that_nobody_does(
     tmp_path: Path, broken: str, held: str | None

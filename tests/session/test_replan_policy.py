@@ -106,7 +106,6 @@ def test_a_policy_looks_more_often_where_looks_win_something() -> None:
     assert WhenItPays().next_look(150, 1000) == 170, "as after resuming, when it knows of no look"
 
 
-@pytest.mark.slow
 def test_a_painting_tells_its_policy_what_planning_again_won() -> None:
     heard: list[float | None] = []
 
@@ -134,7 +133,6 @@ class OftenWrong(NotingPlanner):
         return super().locate(*told)
 
 
-@pytest.mark.slow
 def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -> None:
     setup = SessionSetup(
         8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=WhenOffBy(0.05, strokes=2)
@@ -144,7 +142,6 @@ def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -
     assert setup.planner.asked == [4], "after the second look, four strokes being left"
 
 
-@pytest.mark.slow
 def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_path: Path) -> None:
     policy = WhenOffBy(0.05, strokes=2)
     journal = Journal.begin(tmp_path, {}, {})

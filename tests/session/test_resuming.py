@@ -106,7 +106,6 @@ def test_strokes_that_were_given_up_are_not_on_the_expected_canvas(tmp_path: Pat
     assert len(memory.canvas.batch(plan, 6)) == 2
 
 
-@pytest.mark.slow
 def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
     world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -120,7 +119,6 @@ def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
     assert told[:4] == 2 * ["rinse", "wipe"] and told[4].startswith("dip") and told[6] == "stroke 6"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("repaint", [False, True])
 def test_killed_in_a_stroke_that_one_is_in_doubt_and_only_painted_again_when_told_so(
     world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path, repaint: bool
@@ -173,7 +171,6 @@ def moments(world: VirtualPainting, undisturbed: Undisturbed, tmp_path_factory: 
 
 # The first stroke, one amid a batch, the last of a batch, the last of all; tests/stress/kills.py draws its moments.
 # The stroke in doubt is once skipped although it was painted, and once painted again as it was not.
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("moment", "repaint"),
     [
@@ -188,7 +185,6 @@ def test_killed_at_any_stroke_the_canvas_is_that_of_the_undisturbed_painting(
     assert off(resumed(world, tmp_path / "it", repaint=repaint), undisturbed) < CLEANED
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stroke", [4, 12])
 def test_without_the_stroke_in_doubt_the_rest_is_planned_otherwise_and_comes_as_near_to_the_goal(
     world: VirtualPainting, undisturbed: Undisturbed, moments: Path, tmp_path: Path, stroke: int
@@ -197,7 +193,6 @@ def test_without_the_stroke_in_doubt_the_rest_is_planned_otherwise_and_comes_as_
     assert world.planner.validation_loss(resumed(world, tmp_path / "it")) < 1.35 * undisturbed.loss
 
 
-@pytest.mark.slow
 def test_killed_twice_it_is_still_the_same_painting(
     world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -208,7 +203,6 @@ def test_killed_twice_it_is_still_the_same_painting(
     assert History.of(EventLog.read(tmp_path / "journal"), tmp_path).runs == 3
 
 
-@pytest.mark.slow
 def test_killed_while_planning_nothing_is_lost_but_the_planning(
     world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -217,7 +211,6 @@ def test_killed_while_planning_nothing_is_lost_but_the_planning(
     assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss, "another plan, as good"
 
 
-@pytest.mark.slow
 def test_killed_before_a_new_plan_was_written_the_old_one_holds(
     world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -239,7 +232,6 @@ def reread(folder: Path) -> tuple[None, History]:
     return None, History.of(EventLog.read(folder / "journal"), folder)
 
 
-@pytest.mark.slow
 def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
     world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
@@ -249,7 +241,6 @@ def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
     assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss
 
 
-@pytest.mark.slow
 def test_another_plan_is_noticed(world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path) -> None:
     """Fault F33: the plan or the settings were changed before resuming."""
     killed(world, tmp_path, ended(6))
@@ -266,7 +257,6 @@ def test_another_plan_is_noticed(world: VirtualPainting, undisturbed: Undisturbe
         resuming.load_kept_plan(tmp_path, history)
 
 
-@pytest.mark.slow
 def test_photographs_that_are_not_as_they_were_taken_are_told(world: VirtualPainting, tmp_path: Path) -> None:
     """Fault F33: what decides how the painting goes on was changed before resuming."""
     killed(world, tmp_path, ended(6))

@@ -52,8 +52,6 @@ plans = st.builds(
 )
 
 
-@pytest.mark.slow
-@settings(max_examples=min(25, settings.default.max_examples))
 @given(plans, st.integers(0, 45))
 def test_paints_and_what_comes_later_keep_their_order(plan: Plan, count: int) -> None:
     count = min(count, len(plan))
@@ -64,7 +62,6 @@ def test_paints_and_what_comes_later_keep_their_order(plan: Plan, count: int) ->
     assert after.paint.tolist() == plan.paint.tolist()
 
 
-@pytest.mark.slow
 @settings(max_examples=min(15, settings.default.max_examples))
 @given(plans)
 def test_the_picture_stays_and_the_hand_travels_no_farther(plan: Plan) -> None:

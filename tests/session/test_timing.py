@@ -31,7 +31,6 @@ def looks(painted: int, leaves: bool = False) -> int:
     return int(painted % 8 == 0)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "arm"), [(0, FREE), (1, FREE), (2, KINEMATIC_SAWYER), (3, KINEMATIC_SAWYER)])
 def test_the_time_is_that_of_the_simulated_clock_within_a_tenth_before_and_on_the_way(seed: int, arm: str) -> None:
     plan = a_plan(seed)

@@ -20,7 +20,6 @@ def world() -> VirtualPainting:
     return VirtualPainting.made()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "done", "reason"),
     [
@@ -42,7 +41,6 @@ def test_what_cannot_be_trusted_is_taken_again_and_then_the_painting_pauses(
     assert paused.done == done and reason in paused.reason
 
 
-@pytest.mark.slow
 def test_what_goes_away_by_itself_is_waited_for(world: VirtualPainting, tmp_path: Path) -> None:
     """Fault F23: the photograph cannot be trusted.
 
@@ -54,7 +52,6 @@ def test_what_goes_away_by_itself_is_waited_for(world: VirtualPainting, tmp_path
     assert world.pauses(tmp_path, faults) == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "reason"),
     [
@@ -76,7 +73,6 @@ def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_
     assert not [event for event in heard if isinstance(event, Paused)]
 
 
-@pytest.mark.slow
 def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_at_a_real_easel(
     world: VirtualPainting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -102,8 +98,7 @@ def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_
         studio.close()
 
 
-@pytest.mark.slow
 def test_no_photograph_of_a_normal_painting_is_refused(world: VirtualPainting, tmp_path: Path) -> None:
-    """Two studios, with their own light, grain, hand and error of place; tests/stress/claims.py has two dozen."""
+    """A studio with its own light, grain, hand and error of place; tests/stress/claims.py has two dozen."""
     with fine_registration():
-        assert world.refusals(tmp_path, range(2)) == {}
+        assert world.refusals(tmp_path, range(1)) == {}

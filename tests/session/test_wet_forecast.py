@@ -64,7 +64,6 @@ def paint(turned: bool, wet: WetPaint | None) -> tuple[WetPaint | None, float, f
     return session.learn_wet_paint(), ours, dry
 
 
-@pytest.mark.slow
 def test_one_painting_teaches_the_expectation_of_another_what_wet_paint_does() -> None:
     with small_world((360, 480)):
         learned, ours, dry = paint(turned=False, wet=None)
@@ -80,7 +79,6 @@ def setup_with(wet: WetPaint) -> SessionSetup:
     return setup
 
 
-@pytest.mark.slow
 def test_each_forecast_is_given_the_times_of_the_strokes_that_are_left() -> None:
     wet = WetPaint(10.0, 0.1, 300.0)
     setup = setup_with(wet)
@@ -98,7 +96,6 @@ def test_each_forecast_is_given_the_times_of_the_strokes_that_are_left() -> None
     assert dry.planner.wet == dry.planner.replanned * 2 == [None, None] and dry.planner.settled == []
 
 
-@pytest.mark.slow
 def test_paint_of_an_earlier_session_is_dry() -> None:
     setup, canvas = setup_with(WetPaint(10.0, 0.1, 300.0)), torch.ones(3, 48, 64)
     plan = setup.planner.plan(canvas, 6, 1, lambda step: None)

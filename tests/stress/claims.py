@@ -15,6 +15,7 @@ from frida_painter.hardware.faults import PlacementError
 from frida_painter.session.events import Event, TouchCorrected
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings
+from session.test_soak import soak
 from support.coffee import OFF, error, error_with_looks, paint_coffee
 from support.small_world import fine_registration, small_world
 from support.virtual_painting import VirtualPainting
@@ -84,6 +85,11 @@ def test_no_photograph_of_a_normal_painting_is_refused(tmp_path: Path) -> None:
     """Two dozen studios, with their own light, grain, hand and error of place."""
     with small_world(), fine_registration():
         assert VirtualPainting.made().refusals(tmp_path, range(24)) == {}
+
+
+def test_2000_strokes_and_40_replans_leave_memory_and_handles_as_they_are(tmp_path: Path) -> None:
+    with small_world():
+        soak(tmp_path, 2000, 40, growth=16)
 
 
 if __name__ == "__main__":

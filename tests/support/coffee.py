@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -85,14 +86,14 @@ def error(studio: VirtualStudio, planner: Planner) -> float:
     return float((truth - images.fit(coffee(), grid.rows, grid.columns)).square().mean())
 
 
-def error_with_looks(seed: int) -> float:
-    """The error after four looks, of that after none: the same plan, by a robot that stands 4 mm and 2 degrees off."""
+def error_with_looks(seed: int, replans: int = 4, **how: Any) -> float:
+    """The error after some looks, of that after none: the same plan, by a robot that stands 4 mm and 2 degrees off."""
     first: list[list[list[float]]] = []
 
     def hear(event: Event) -> None:
         if isinstance(event, Planned) and event.done == 0:
             first.append(sorted(event.plan.strokes.position.tolist()))  # each batch has an order of its own
 
-    blind, looking = (error(*paint_coffee(seed, replans, notify=hear)[1:]) for replans in (0, 4))
+    blind, looking = (error(*paint_coffee(seed, looks, notify=hear, **how)[1:]) for looks in (0, replans))
     assert first[0] == first[1], "both begin with the same plan"
     return looking / blind

@@ -18,7 +18,6 @@ def test_marks_are_opaque_on_the_path_and_nothing_away_from_it():
         assert mark[i][away > 0.012].amax() == 0
 
 
-@pytest.mark.slow
 def test_a_bend_above_zero_goes_up_in_the_map_and_its_mirror_image_down():
     up, down = (ribbon()(*(torch.tensor([part]) for part in (0.5, 0.03, bend)))[0] for bend in (0.008, -0.008))
     torch.testing.assert_close(up, down.flip(0))
@@ -31,7 +30,6 @@ def test_a_harder_press_covers_more():
     assert areas[0] < areas[1] < areas[2]
 
 
-@pytest.mark.slow
 def test_the_gradient_is_the_true_one():
     model = ribbon(8, 12).double()
     inputs = [part.requires_grad_() for part in shapes(2, dtype=torch.float64)]
@@ -42,7 +40,6 @@ def test_the_gradient_is_the_true_one():
     assert scaled
 
 
-@pytest.mark.slow
 def test_fitting_finds_the_ribbon_that_painted_a_library():
     model = BezierStroke("small", small_frame(), SMALL.limits, RibbonShape.typical(0.005))
     thickness, length, bend = shapes(12)

@@ -23,7 +23,6 @@ def fading(holds: float, every: int = 3, noise: float = 0.05) -> StrokeLibrary:
     )  # fmt: skip
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("strokes", [1.3, 1.8])
 def test_what_a_dip_holds_shows_where_strokes_fade(strokes: float) -> None:
     holds = strokes * float(AREAS.mean())

@@ -13,7 +13,6 @@ from frida_painter.teaching.param2stroke import Param2Stroke
 from marks import SMALL, small_library
 
 
-@pytest.mark.slow
 def test_the_papers_network_can_be_chosen_and_another_is_the_default():
     kinds = {name: type(learn(name, small_library(6), SMALL, hasty=True).model) for name in MODELS}
     assert kinds == {"field": StrokeField, "param2stroke": Param2Stroke}

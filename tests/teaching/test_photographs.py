@@ -1,5 +1,6 @@
 """Strokes cut out of photographs of sheets: a sheet of known marks, seen from a side under uneven light."""
 
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -25,6 +26,7 @@ def strokes() -> fp.Strokes:
     )
 
 
+@cache
 def photograph(*, turned: bool = False) -> NDArray[np.uint8]:
     """The sheet on a dark table, askew, in light that falls off to the right."""
     sheet = images.to_uint8(fp.render_batch("fine", strokes(), SHEET, rows=600).picture)
@@ -46,7 +48,6 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("turned", [False, True])
 def test_marks_are_those_of_the_sheet(table: Path, turned: bool) -> None:
     library = fp.StrokeLibrary.from_photographs([photograph(turned=turned)], table, sheet=SHEET)
@@ -58,7 +59,6 @@ def test_marks_are_those_of_the_sheet(table: Path, turned: bool) -> None:
         assert float(torch.corrcoef(torch.stack((one.flatten(), other.flatten())))[0, 1]) > 0.93
 
 
-@pytest.mark.slow
 def test_sheets_are_named_by_their_files(tmp_path: Path, table: Path) -> None:
     head, *rows = table.read_text().splitlines()
     for name in ("a.png", "b.png"):
@@ -82,9 +82,7 @@ def test_sheets_are_named_by_their_files(tmp_path: Path, table: Path) -> None:
         (f"{HEAD}\nnan,2,3,4,5,0.6\n", "start_x_mm 'nan'"),
         (f"{HEAD}\n130,50,0,40,0,0.5\n", "Stroke 1 of photograph 1 leaves its sheet"),
         (f"{HEAD},sheet\n20,50,0,40,0,0.5,3\n", "sheet '3' in line 2"),
-        pytest.param(
-            f"{HEAD}\n20,90,0,10,0,0.5\n", "shows no paint where its strokes should be", marks=pytest.mark.slow
-        ),
+        (f"{HEAD}\n20,90,0,10,0,0.5\n", "shows no paint where its strokes should be"),
     ],
 )
 def test_a_wrong_table_is_refused_with_its_line(tmp_path: Path, text: str, says: str) -> None:

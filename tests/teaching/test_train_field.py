@@ -12,7 +12,6 @@ def small_field(seed: int = 0) -> StrokeField:
     return StrokeField("small", small_frame(), SMALL.limits)
 
 
-@pytest.mark.slow
 def test_training_learns_the_library_and_strokes_that_it_has_not_seen():
     library, unseen, model = small_library(40), small_library(20, seed=9), small_field()
     progress = []

@@ -6,7 +6,6 @@ from frida_painter.teaching.param2stroke import Param2Stroke, train_param2stroke
 from marks import SMALL, small_frame, small_library
 
 
-@pytest.mark.slow
 def test_training_learns_the_library_for_as_many_epochs_as_were_best():
     library = small_library(40)
     model = Param2Stroke("small", small_frame(12, 20), SMALL.limits)

@@ -71,7 +71,6 @@ def kinds(folder: Path) -> list[str]:
     return [str(entry["kind"]) for entry in EventLog.read(folder / "journal") if entry["kind"] in wanted]
 
 
-@pytest.mark.slow
 def test_a_person_says_what_shall_change_and_chooses_one_picture_or_none(
     tmp_path: Path, pursued: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -86,7 +85,6 @@ def test_a_person_says_what_shall_change_and_chooses_one_picture_or_none(
     assert "changes/2/make-it-a-stormy-sea-water-wave-2.png  (seed" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "maker", "says"),
     [
@@ -104,7 +102,6 @@ def test_each_trouble_is_one_sentence_and_the_painting_goes_on(
     assert len(said) == 1 and pursued == []
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("broke_off", ["asked", "made", "chosen"])
 def test_a_talk_that_broke_off_goes_on_from_there(tmp_path: Path, pursued: list[str], broke_off: str) -> None:
     if broke_off != "asked":

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -34,7 +34,6 @@ WAYS = arrays(np.float64, st.tuples(st.integers(1, 60), st.just(3)), elements=st
 
 
 @given(WAYS)
-@settings(max_examples=150, deadline=None)
 def test_thinning_changes_no_point_by_more_than_its_error(way: np.ndarray) -> None:
     kept = thin(way)
     assert kept[0] == 0 and kept[-1] == len(way) - 1 and (np.diff(kept) > 0).all()
@@ -124,7 +123,6 @@ class Together:
         return {"controls": Controls(pause_cause=pause_cause, go_on=go_on), "notify": self.heard.append}
 
 
-@pytest.mark.slow
 def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_killed(
     world: VirtualPainting, tmp_path: Path
 ) -> None:
@@ -177,7 +175,6 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     assert robot == [entry for entry in EventLog.read(tmp_path / "whole/studio.diary") if entry.get("did") == "person"]
 
 
-@pytest.mark.slow
 def test_the_robot_continues_in_the_spirit_of_the_strokes_to_the_end(world: VirtualPainting, tmp_path: Path) -> None:
     class Spirit(Together):
         def answer(self, turn: TurnTaken) -> Plan | None:
@@ -190,7 +187,6 @@ def test_the_robot_continues_in_the_spirit_of_the_strokes_to_the_end(world: Virt
     assert np.abs(np.sin(answers)).max() < 0.5, "all along the person's strokes, which no later look replans"
 
 
-@pytest.mark.slow
 def test_what_cannot_be_painted_is_refused_before_anything_is_noted(world: VirtualPainting, tmp_path: Path) -> None:
     refusals: list[str] = []
 

@@ -129,7 +129,6 @@ def _install(place: Path, *words: str, **how: str) -> subprocess.CompletedProces
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("asked", "there"), [("above", {"above", "below"}), ("above[most]", {"above", "below", "more"})]
 )
@@ -142,7 +141,6 @@ def test_a_package_comes_with_what_it_needs_if_each_file_is_that_of_the_lock(
     assert {path.name.partition("-")[0] for path in (tmp_path / "there").glob("*.dist-info")} == there
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("spoilt", ["above", "below"])
 def test_a_file_that_is_not_that_of_the_lock_is_refused_with_one_sentence(tmp_path: Path, spoilt: str) -> None:
     _packages(tmp_path, spoilt=spoilt)
@@ -153,7 +151,6 @@ def test_a_file_that_is_not_that_of_the_lock_is_refused_with_one_sentence(tmp_pa
     assert _install(tmp_path, "above", "--without-hashes").returncode == 0
 
 
-@pytest.mark.slow
 def test_what_the_lock_does_not_name_is_not_installed(tmp_path: Path) -> None:
     lock = _packages(tmp_path)
     lock.write_text(lock.read_text().replace("below", "beneath"))
@@ -161,7 +158,6 @@ def test_what_the_lock_does_not_name_is_not_installed(tmp_path: Path) -> None:
     assert done.returncode == 1 and "below is needed" in done.stderr and len(done.stderr.strip().splitlines()) == 1
 
 
-@pytest.mark.slow
 def test_pip_really_lists_what_is_read_here(
     install: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

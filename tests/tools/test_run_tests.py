@@ -74,7 +74,6 @@ def accept_times(tests: Path) -> None:
     (tests / "conftest.py").write_text('def pytest_addoption(parser): parser.addoption("--times")')
 
 
-@pytest.mark.slow
 def test_a_group_that_fails_stops_none_and_fails_the_run(runner, tmp_path: Path, monkeypatch, capfd) -> None:
     rooms = {"one": "def test_it(): assert 1 == 2", "two": "def test_it(): pass", "three": "no_test = 1"}
     for room, text in rooms.items():
@@ -94,7 +93,6 @@ def test_a_group_that_fails_stops_none_and_fails_the_run(runner, tmp_path: Path,
     assert runner.main([*alone, "-k", "nothing"]) == 0, "no test is no failure"
 
 
-@pytest.mark.slow
 def test_a_test_that_passes_alone_fails_nothing(runner, tmp_path: Path, monkeypatch, capfd) -> None:
     (tmp_path / "tests/one").mkdir(parents=True)
     test = """
@@ -120,4 +118,4 @@ def test_a_plain_processor_is_asked_for_before_any_library_is_loaded(runner, tmp
     asked = []
     monkeypatch.setattr(runner, "run_groups", lambda *given: asked.append((given[1], dict(runner.os.environ))) or [])
     assert runner.main(["--plain-processor", "-x"]) == 0
-    assert asked == [(["--threads", "2", "-x"], runner.PLAIN_PROCESSOR)]
+    assert asked == [(["--times", str(tmp_path / "times"), "--threads", "2", "-x"], runner.PLAIN_PROCESSOR)]

@@ -149,7 +149,6 @@ def test_the_harder_press_leaves_the_wider_mark(brush):
     assert widths[0] > expected[0] and widths[2] < expected[1]
 
 
-@pytest.mark.slow
 def test_ends_are_more_torn_than_starts():
     """Roughness of an outline: how far it jumps from one row of pixels to the next."""
     start, end = [], []

@@ -72,7 +72,6 @@ def test_a_knock_against_the_canvas_does_not_move_the_card():
     assert (np.abs(before - after).max(2) > 60).mean() > 0.01
 
 
-@pytest.mark.slow
 def test_no_two_cards_are_printed_alike_and_a_seed_prints_the_same():
     cards = [photograph_of(seed) for seed in (0, 0, 1)]
     assert np.array_equal(cards[0], cards[1])
@@ -85,7 +84,6 @@ def photograph_of(seed):
     return hand.studio.table.checker.looks
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("center", "turn", "width"), [((0, 0), 0, 0.01), ((math.nan, 0), 0, 0.1), ((0, 0), 0, math.nan)]
 )

@@ -111,7 +111,6 @@ def test_a_bumped_canvas_and_dropped_touches_stay_what_they_were(tmp_path: Path)
     assert looks(mended.studio) == looks(straight.studio)
 
 
-@pytest.mark.slow
 def test_a_log_cut_off_at_any_byte_tells_all_that_came_before(tmp_path: Path) -> None:
     path = tmp_path / "studio.jsonl"
     here = hand(path, fill=True)

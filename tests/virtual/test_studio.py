@@ -56,7 +56,6 @@ def test_the_placement_error_shifts_and_turns_marks_about_the_canvas_s_centre():
     assert math.degrees(math.atan2(along[1], along[0])) % 180 == pytest.approx(10, abs=3)
 
 
-@pytest.mark.slow
 def test_without_a_wish_the_error_is_a_couple_of_millimetres_and_known_to_nobody():
     errors = [open_studio(CANVAS, seed=seed).placement_error for seed in range(4)]
     assert len(set(errors)) == 4
@@ -88,7 +87,6 @@ def test_the_calibration_is_that_of_the_studio():
     assert 850 < height < 1150
 
 
-@pytest.mark.slow
 def test_as_many_paints_as_a_palette_may_have_fit_into_the_wells():
     hand = Hand(*np.linspace(1, 0, 64 * 3).reshape(64, 3).tolist())
     hand.dip(63)
@@ -98,7 +96,6 @@ def test_as_many_paints_as_a_palette_may_have_fit_into_the_wells():
     assert empty.studio.balance().drawn == 0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("canvas", [CanvasSize(0.03, 0.03), CanvasSize(3.0, 0.5)])
 def test_any_canvas_size_can_be_painted_on(canvas):
     hand = Hand(BLACK, canvas=canvas, brush="fine", cell=None, camera=CameraSpec((240, 320)))
@@ -162,7 +159,6 @@ def test_a_fresh_canvas_is_bare_and_lies_where_the_first_one_did():
     assert hand.studio.truth(60).min() < 0.3
 
 
-@pytest.mark.slow
 def test_the_first_brush_paints_as_if_it_were_alone_and_another_one_paints_otherwise():
     alone, two = (
         Hand(BLACK, brush=brush, error=None, seed=3) for brush in ("broad", {"broad": "broad", "thin": "fine"})
@@ -190,7 +186,6 @@ def test_the_first_brush_paints_as_if_it_were_alone_and_another_one_paints_other
         two.easel.operator.change_brush("medium")
 
 
-@pytest.mark.slow
 def test_the_workspace_holds_the_deepest_of_its_brushes():
     fine, both, broad = (Hand(brush=brush) for brush in ("fine", {"fine": "fine", "broad": "broad"}, "broad"))
     assert both.easel.workspace.lower == broad.easel.workspace.lower != fine.easel.workspace.lower

@@ -79,7 +79,6 @@ def test_a_sketch_is_filled_with_the_colours_of_what_the_words_say(encoders: Qui
     assert len(initial_composition(styled, GRID, encoders).terms) == 3
 
 
-@pytest.mark.slow
 def test_into_a_style_picture_that_is_begun_with_the_thing_is_laid(encoders: QuickEncoders) -> None:
     style = torch.linspace(0, 1, GRID.columns).expand(3, GRID.rows, -1).contiguous()
     goal = initial_composition(Goal((WORDS, StyleTerm(style)), (StyleTerm(style),)), GRID, encoders)
@@ -91,7 +90,6 @@ def test_into_a_style_picture_that_is_begun_with_the_thing_is_laid(encoders: Qui
     assert [type(term) for term in initial_composition(unknown, GRID, encoders).terms] == [StyleTerm]
 
 
-@pytest.mark.slow
 def test_in_a_style_the_scene_of_words_is_in_its_colours(encoders: QuickEncoders) -> None:
     style = torch.zeros(3, 60, 80)
     style[2], style[0, ::4] = 0.6, 0.5

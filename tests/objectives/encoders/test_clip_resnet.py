@@ -106,7 +106,6 @@ def test_features_are_a_sixteenth_and_a_thirty_second_and_slopes_reach_the_pictu
     assert float(slope[1].abs().sum()) > 0 and float(slope[0].abs().sum()) == 0
 
 
-@pytest.mark.slow
 def test_the_published_shapes_of_rn50() -> None:
     """Radford et al. 2021, table of ResNet hyperparameters: RN50 embeds 224 pixels a side in 1024 numbers."""
     shapes = {name: tuple(tensor.shape) for name, tensor in resnet_tensors(64, (3, 4, 6, 3), 224).items()}

@@ -53,7 +53,6 @@ def test_too_few_stages_are_refused() -> None:
         EfficientNetLite(tensors)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("variant", "side"), [(0, 224), (1, 240), (2, 260)])
 def test_published_weights_recognise_photographs(variant: int, side: int) -> None:
     name = f"efficientnet-lite{variant}"

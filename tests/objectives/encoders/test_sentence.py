@@ -36,7 +36,6 @@ def tiny() -> SentenceEncoder:
     return SentenceEncoder(network.state_dict(), tokenizer.backend_tokenizer)
 
 
-@pytest.mark.slow
 @torch.no_grad()
 def test_the_forward_pass_is_that_of_transformers(tiny: SentenceEncoder) -> None:
     network, tokenizer = _tiny()
@@ -70,7 +69,6 @@ def test_many_sentences_are_embedded_once(tiny: SentenceEncoder, tmp_path: Path,
     assert torch.equal(tiny.embed_once(names, tmp_path / "file"), first), "where nothing can be kept, it works as well"
 
 
-@pytest.mark.slow
 def test_the_real_one_knows_what_is_alike() -> None:
     fetched("minilm")
     ship, boat, lemon = SentenceEncoder.load().embed(["a sailing ship", "schooner", "a lemon"])

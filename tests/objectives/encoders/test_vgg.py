@@ -54,7 +54,6 @@ def test_without_weights_the_sentence_says_how_to_get_them(tmp_path: pytest.Temp
         EncoderRegistry(tmp_path).style()
 
 
-@pytest.mark.slow
 def test_textures_are_told_apart() -> None:
     """Halves of one photograph are nearer to each other in style than to another texture."""
     from frida_painter.objectives.style_loss import Style
