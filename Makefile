@@ -92,7 +92,7 @@ nightly: $(VENV)/nightly
 # One of them, with options: make stress PROGRAM=kills OPTIONS="--kills 20"
 stress: $(VENV)/nightly browser downloads
 	@for program in $(PROGRAM); do \
-		PYTHONPATH=benchmarks $(BIN)/python tests/stress/$$program.py $(OPTIONS) || exit 1; done
+		$(BIN)/python tests/stress/$$program.py $(OPTIONS) || exit 1; done
 
 views: install browser
 	EVERY_VIEW=1 $(BIN)/python -m pytest tests/web/test_views.py

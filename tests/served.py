@@ -21,7 +21,7 @@ from frida_painter.web.store import PaintingStore
 from frida_painter.web.studio_folder import WorkerLock
 
 PATIENCE = 5.0
-"""Seconds for a stop on a machine on which anything else may run; benchmarks/stop.py measures how long it takes."""
+"""Seconds for a stop on a machine on which anything else may run; tests/stress/stop.py measures how long it takes."""
 
 
 @dataclass

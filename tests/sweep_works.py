@@ -67,10 +67,3 @@ def hang(folder: str) -> str:
     (Path(folder) / str(os.getpid())).touch()
     time.sleep(1000)
     return "never"
-
-
-def node(number: int) -> str:
-    import ray
-
-    time.sleep(0.5)  # long enough for more than one machine to take part
-    return ray.get_runtime_context().get_node_id()

@@ -5,6 +5,7 @@ import sqlite3
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -14,7 +15,8 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.errors import RobotError, StorageError
 from frida_painter.event_log import EventLog
-from frida_painter.lab import conduct
+from frida_painter.lab import commands
+from frida_painter.lab.experiment import Experiment
 from frida_painter.lab.sweeps.sweep_folder import RunFolder
 from frida_painter.procedures.strokes import Recording, RecordingSettings
 from frida_painter.runs import run
@@ -43,12 +45,13 @@ def tabulate(folder: Path) -> None:
 
 
 def experiment(folder: Path) -> None:
-    def measure(keep: Path, notify: object) -> SimpleNamespace:
-        storage.write_text(keep / "trial.json", "{}")
-        return SimpleNamespace(save=lambda where: None, title="", notes=(), pictures={})
+    class Writing(Experiment):
+        def run_in_processes(self, keep: Path, notify: object, jobs: int | None = None) -> Any:
+            storage.write_text(keep / "run.json", "{}")
+            return SimpleNamespace(save=lambda where: None, title="", notes=(), pictures={})
 
-    conduct.conduct(folder.name, folder.parent, measure)  # type: ignore[arg-type]
-    assert not (folder / conduct.UNFINISHED).exists()
+    commands.conduct(Writing(), folder)
+    assert not (folder / commands.UNFINISHED).exists()
 
 
 def fail_to_open(folder: Path) -> None:

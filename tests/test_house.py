@@ -82,7 +82,7 @@ OWN_FILES = {
 # have a library start Python, `isolate_children`.
 STARTING = {
     "python_process.py": {"sys.executable", "subprocess.Popen", "subprocess.run"},
-    "lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor", "ray"},
+    "lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor"},
     "picture_makers/program.py": {"subprocess.Popen"},
     "video.py": {"subprocess.Popen", "subprocess.run"},
     "registry.py": {"sys.executable"},
@@ -101,7 +101,7 @@ DELETING = {
     "easel/watchdog.py": 1,  # the stop file that it obeyed
     "event_log.py": 4,  # the log, its tally and its reserve, by their full names
     "hardware/latch.py": 2,  # the record of a stop; a folder in its place is renamed
-    "lab/conduct.py": 1,  # a folder named by storage.PART
+    "lab/commands.py": 1,  # a folder named by storage.PART
     "lab/sweeps/sweep_folder.py": 2,  # the failure of a run, and a copy that it just made
     "procedures/strokes.py": 4,  # numbered strokes of the recording in a folder that was empty before it
     "runs/look_folder.py": 1,  # moves a picture beside others of its name

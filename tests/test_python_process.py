@@ -22,9 +22,9 @@ POISON = "import posix\nposix.close(posix.open({!r}, posix.O_CREAT | posix.O_WRO
 OF_PYTHON = {*sys.stdlib_module_names, "sitecustomize", "usercustomize", "frida_painter"}
 PARTS = "[frida_painter.robots]\npoison = poison:KIND\n[frida_painter.mixers]\npoison = poison:KIND\n"
 ONE_TASK = """
-from frida_painter.lab.sweeps.engine import LocalEngine, RayEngine, TaskLimits
+from frida_painter.lab.sweeps.engine import Engine, TaskLimits
 if __name__ == "__main__":
-    print(*(ended.value for ended in {}(TaskLimits(), 1).run(len, ["abc"])))
+    print(*(ended.value for ended in Engine(TaskLimits(), 1).run(len, ["abc"])))
 """
 
 
@@ -102,13 +102,10 @@ def test_no_process_loads_code_from_the_current_folder(
     assert (loaded(place), done.returncode) == ([], status), done.stderr.decode()
 
 
-@pytest.mark.parametrize("engine", ["LocalEngine", "RayEngine"])
-def test_no_process_of_a_sweep_loads_code_from_the_current_folder(engine: str, place: Path, tmp_path: Path) -> None:
-    if engine == "RayEngine":
-        pytest.importorskip("ray")
+def test_no_process_of_a_sweep_loads_code_from_the_current_folder(place: Path, tmp_path: Path) -> None:
     script = tmp_path / "own" / "sweep.py"
     script.parent.mkdir()
-    script.write_text(ONE_TASK.format(engine))
+    script.write_text(ONE_TASK)
     given = {**os.environ, "PYTHONPATH": str(ROOT.parent)}
     done = subprocess.run([sys.executable, script], cwd=place / "all", env=given, capture_output=True, text=True)
     assert (loaded(place), done.stdout) == ([], "3\n"), done.stderr

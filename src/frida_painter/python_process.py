@@ -2,7 +2,7 @@
 
 `python -m` and `python -c` put the current folder first on the path of modules, so that a file `filelock.py` of a
 painting's folder would be imported. All Python processes of the painter are started here. Libraries that start Python
-themselves, such as multiprocessing and Ray, pass on the environment that `isolate` and `isolate_children` set.
+themselves, such as multiprocessing, pass on the environment that `isolate` and `isolate_children` set.
 """
 
 import os

@@ -15,7 +15,7 @@ from typer.main import get_group
 import frida_painter
 from frida_painter.cli import commands
 from frida_painter.cli.commands import Deferred, all_commands
-from frida_painter.lab.text import PROMPTS
+from frida_painter.lab.goals import PROMPTS
 from test_house import ROOT, SOURCES
 
 ENTRIES = [(("",), entry) for entry in all_commands()] + [(("strokes",), entry) for entry in commands.STROKE_COMMANDS]

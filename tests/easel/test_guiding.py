@@ -18,10 +18,10 @@ from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, R
 from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.lab.taught_strokes import make_marks
 from frida_painter.teaching.marks import MarkCutter, read_marks
 from machines.paths import a_stroke
 from machines.xarm_box import COLLISION, PAUSED, STANDBY, TEACHING, XarmBox, use_ports
+from support.hand_marks import make_marks
 
 BRUSH = 0.1
 ARM = f"xarm:127.0.0.1,brush_length={BRUSH}"

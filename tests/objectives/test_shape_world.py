@@ -1,7 +1,7 @@
 """A CLIP that knows a small world gets from sentences that it never saw to the right pictures.
 
 `tests/shape_world` holds the world, the CLIP (`eye`, trained by `train.py`) and a judge that shares neither its
-architecture nor its drawings. All twenty sentences: `python benchmarks/words_in_a_world.py`.
+architecture nor its drawings.
 """
 
 import random

@@ -26,10 +26,10 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+from measure import Table, arguments, publish
 from stop import Studio, Worker, begun, press
 
 from frida_painter.web.store import PaintingStore
-from measure import Table, arguments, publish
 
 Answer = tuple[int, dict[str, str], bytes]
 

@@ -24,14 +24,14 @@ def _psnr(canvas: Tensor, goal: Tensor) -> NDArray[np.float64]:
 
 def _ssim(canvas: Tensor, goal: Tensor) -> NDArray[np.float64]:
     """Returns the structural similarity of the experiments, in [-1, 1]."""
-    from frida_painter.lab.trials import ssim  # loaded here because few callers need it
+    from frida_painter.lab.measures import ssim  # loaded here because few callers need it
 
     return np.array([ssim(*pair) for pair in zip(canvas, goal, strict=True)], np.float64)
 
 
 def _perceptual() -> Judge:
     """Returns the judge of features: minus the distance of unit features of VGG16."""
-    from frida_painter.lab.trials import perceptual_distance
+    from frida_painter.lab.measures import perceptual_distance
     from frida_painter.objectives.encoders.loading import EncoderRegistry
 
     network = EncoderRegistry().style()

@@ -1,26 +1,32 @@
 """The commands for the experiments of the paper and more: experiments NAME, experiments list.
 
-`ROWS` is the table of experiments. A command and the call of its experiment are made from a row. The function of an
-experiment stands in the module of its name: `experiment` if its trials can run in processes, otherwise `run`.
+`ROWS` is the table of experiments. A row names the class of an experiment; its options are fields of that class, and
+the command is made from them.
 """
 
+import math
+import shutil
+import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
 from importlib import import_module
-from inspect import Parameter, Signature, signature
+from inspect import Parameter, Signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from frida_painter.options import out_folder, whole_number_within
+from frida_painter.storage import PART, count_of
 
 if TYPE_CHECKING:
-    from frida_painter.lab.trials import Notify, Outcome
+    from frida_painter.lab.experiment import Experiment, Outcome, Progress
 
 MAX_PROMPTS = 20
 """Number of prompts in the experiment `text`."""
+UNFINISHED = f"{PART}unfinished"
+"""Name of the folder for finished runs, inside the experiment's folder, until all are done."""
+_PREPARING = 0.2  # share of the time for what all runs share, such as a stroke library
 _seed = whole_number_within(0, 2**31 - 1)
 
 
@@ -40,44 +46,42 @@ def _brush(name: str) -> str:
     return name
 
 
-def _option(kind: Any, metavar: str, words: str, parser: Callable[[str], Any] | None = None) -> Any:
-    return Annotated[kind, typer.Option(parser=parser, metavar=metavar, help=words)]
+def _option(
+    kind: Any, metavar: str, words: str, default: Any, parser: Callable[[str], Any] | None = None, flag: str = ""
+) -> tuple[Any, Any]:
+    names = [f"--{flag}"] if flag else []
+    return Annotated[kind, typer.Option(*names, parser=parser, metavar=metavar, help=words)], default
 
 
 _File, _Files, _Number = Path | None, list[Path] | None, int | None
-_ON = "A stroke library (.npz). [dim]200 strokes, painted in the virtual studio[/]"
 _DRAWINGS = "A drawing. Its file name is the text prompt. May be repeated. [dim]four of the project's[/]"
-_JOBS = "Number of trials at the same time. [dim]as many as there are cores and memory for[/]"
-_QUICK = "Run a very small version as a test. Its figures mean nothing."
+_JOBS = "Number of runs at the same time. [dim]as many as there are cores and memory for[/]"
 _OUT = "The output folder. Writes table.json, table.md and pictures into FOLDER/NAME."
-# Every option of an experiment, in the order of the help: its parameter, its kind and its default.
-_OPTIONS: Mapping[str, tuple[str, Any, Any]] = {
-    "library": ("library", _option(_File, "FILE", _ON), None),
-    "own library": (
-        "library", _option(_File, "FILE", "A stroke library to train on and to show. [dim]the brush[/]"), None
+# Every option of an experiment by the name of its field, in the order of the help.
+_OPTIONS: Mapping[str, tuple[Any, Any]] = {
+    "library": _option(_File, "FILE", "A stroke library (.npz). [dim]the brush in the virtual studio[/]", None),
+    "brush": _option(str, "NAME", "The brush: fine, medium or broad.", "broad", _brush),
+    "seed": _option(int, "N", "Random seed.", 0, _seed),
+    "seeds": _option(Any, "N,N,...", "Random seeds. The experiment runs once with each.", "0", seeds_of),
+    "photo": _option(_File, "PHOTO", "The picture to paint. [dim]a cup of coffee[/]", None, flag="target"),
+    "photos": _option(
+        _Files, "PHOTO", "A picture to paint. May be repeated. [dim]some of the project's[/]", None, flag="target"
     ),
-    "brush": ("brush", _option(str, "NAME", "The brush: fine, medium or broad.", _brush), "broad"),
-    "seed": ("seed", _option(int, "N", "Random seed.", _seed), 0),
-    "seeds": ("seeds", _option(Any, "N,N,...", "Random seeds. The experiment runs once with each.", seeds_of), "0"),
-    "photo": ("target", _option(_File, "PHOTO", "The picture to paint. [dim]a cup of coffee[/]"), None),
-    "photos": (
-        "target", _option(_Files, "PHOTO", "A picture to paint. May be repeated. [dim]some of the project's[/]"), None
+    "drawings": _option(_Files, "DRAWING", _DRAWINGS, None, flag="target"),
+    "strokes": _option(_Number, "N", "Number of strokes. [dim]200[/]", None, whole_number_within(13, 1000)),
+    "first": _option(int, "N", "Use only the first N prompts.", MAX_PROMPTS, whole_number_within(1, MAX_PROMPTS)),
+    "style": _option(_File, "PICTURE", "A style picture. [dim]one of the project's[/]", None),
+    "styles": _option(
+        _Files, "PICTURE", "A style picture. May be repeated. [dim]two of the project's[/]", None, flag="style"
     ),
-    "drawings": ("target", _option(_Files, "DRAWING", _DRAWINGS), None),
-    "strokes": (
-        "strokes", _option(_Number, "N", "Number of strokes. [dim]200[/]", whole_number_within(13, 1000)), None
+    "quick": (
+        Annotated[bool, typer.Option("--quick", help="Run a very small version as a test. Its figures mean nothing.")],
+        False,
     ),
-    "first": (
-        "first", _option(int, "N", "Use only the first N prompts.", whole_number_within(1, MAX_PROMPTS)), MAX_PROMPTS
-    ),
-    "style": ("style", _option(_File, "PICTURE", "A style picture. [dim]one of the project's[/]"), None),
-    "styles": (
-        "style", _option(_Files, "PICTURE", "A style picture. May be repeated. [dim]two of the project's[/]"), None
-    ),
-    "quick": ("quick", Annotated[bool, typer.Option("--quick", help=_QUICK)], False),
-    "jobs": ("jobs", _option(_Number, "N", _JOBS, whole_number_within(1, 4096)), None),
-    "out": ("out", _option(Path, "FOLDER", _OUT, out_folder), Path("experiments")),
-}  # fmt: skip
+    "jobs": _option(_Number, "N", _JOBS, None, whole_number_within(1, 4096)),
+    "out": _option(Path, "FOLDER", _OUT, Path("experiments"), out_folder),
+}
+_ALWAYS = {"brush", "quick", "jobs", "out"}
 
 
 @dataclass(frozen=True)
@@ -85,165 +89,111 @@ class ExperimentRow:
     """Row of the table of experiments.
 
     name: of its command
-    help: its purpose in one sentence
-    takes: its options besides --brush, --quick and --out
+    question: its purpose in one sentence
+    place: module in lab/ and class
+    takes: its options besides those of all experiments
     seeds: default of --seeds
     shipped: pictures for each of its options for pictures, if the person gives none: their names, or the name of a
-        list of its module or of lab/targets
-    prompts: list of prompts in its module; "" if it has none
-    quick: number of its prompts, or of its shipped pictures, in a quick run
-    keeps: True if its function also gets the folder of finished parts
-    module: in lab/, by default named as the command
+        list in lab/targets
+    quick: number of these pictures in a quick run; None for all
     """
 
     name: str
-    help: str
+    question: str
+    place: str
     takes: tuple[str, ...]
     seeds: str = "0"
-    shipped: tuple[str | tuple[str, ...], ...] = ()
-    prompts: str = ""
+    shipped: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
     quick: int | None = None
-    keeps: bool = False
-    module: str = ""
 
     def command(self) -> Callable[..., None]:
         """Returns the command."""
-        options = [_OPTIONS[name] for name in _OPTIONS if name in {*self.takes, "brush", "quick", "out"}]
+        options = {name: each for name, each in _OPTIONS.items() if name in _ALWAYS | set(self.takes)}
 
         def run(**given: Any) -> None:
-            from frida_painter.lab.conduct import conduct
+            conduct(self.open(given), given["out"] / self.name, given["jobs"])
 
-            conduct(self.name, given["out"], lambda keep, notify: self.run(given, keep, notify))
-
-        run.__doc__ = self.help
-        run.__annotations__ = {name: kind for name, kind, _ in options}
-        defaults = {name: self.seeds if name == "seeds" else default for name, _, default in options}
+        run.__doc__ = self.question
+        run.__annotations__ = {name: kind for name, (kind, _) in options.items()}
         run.__signature__ = Signature([  # type: ignore[attr-defined]
-            Parameter(name, Parameter.KEYWORD_ONLY, default=defaults[name], annotation=kind)
-            for name, kind, _ in options
+            Parameter(
+                name, Parameter.KEYWORD_ONLY, default=self.seeds if name == "seeds" else default, annotation=kind
+            )
+            for name, (kind, default) in options.items()
         ])  # fmt: skip
         return run
 
-    def run(self, given: Mapping[str, Any], keep: Path, notify: "Notify") -> "Outcome":
-        """Runs the experiment with the given options, and returns its outcome.
+    def open(self, given: Mapping[str, Any]) -> "Experiment":
+        """Returns the experiment with the given options."""
+        module, _, name = self.place.partition(":")
+        kind: type[Experiment] = getattr(import_module(f"frida_painter.lab.{module}"), name)
+        values = {name: given[name] for name in {"brush", "quick", *self.takes}}
+        values |= {option: self._pictures(option, given) for option in self.shipped}
+        return kind(**values)
 
-        keep: folder of finished parts
-        """
-        from frida_painter.lab import ExperimentScale, conduct, paintings
-
-        it = import_module(f"frida_painter.lab.{self.module or self.name.replace('-', '_')}")
-        scales = it if hasattr(it, "QUICK") else paintings
-        scale = scales.QUICK if given["quick"] else scales.FULL
-        if not isinstance(scale, ExperimentScale):
-            strokes = given.get("strokes")
-            scale = scale.with_values(brush=given["brush"], **({"strokes": strokes} if strokes else {}))
-        arguments = self._pictures(it, given)
-        if "library" in self.takes:  # a given one, or one that is painted first
-            *arguments, notify = paintings.library_of(
-                given["library"], given["brush"], given.get("seed", 0), scale, notify
-            )
-        if self.prompts:
-            arguments.append(getattr(it, self.prompts)[: self.quick if given["quick"] else given.get("first")])
-        arguments += [keep] if self.keeps else []
-        function = it.experiment if "jobs" in self.takes else it.run
-        named = {"brush", "seed", "seeds", *(["library"] if "own library" in self.takes else [])}
-        known = {name: given[name] for name in named & given.keys() & signature(function).parameters.keys()}
-        bound = partial(function, *arguments, **known, scale=scale)
-        if "jobs" in self.takes:
-            return conduct.run_in_processes(bound, keep, notify, given["jobs"])
-        found: Outcome = bound(notify=notify)
-        return found
-
-    def _pictures(self, it: Any, given: Mapping[str, Any]) -> list[Any]:
-        """Returns the pictures of each option: one, or several in a tuple."""
+    def _pictures(self, option: str, given: Mapping[str, Any]) -> Any:
+        """Returns the pictures of an option: one, or several in a tuple."""
         from frida_painter.lab import targets
 
-        found: list[Any] = []
-        options = [name for name in self.takes if name in ("photo", "photos", "drawings", "style", "styles")]
-        for option, shipped in zip(options, self.shipped, strict=True):
-            own = given[_OPTIONS[option][0]]
-            names = getattr(it, shipped, None) or getattr(targets, shipped) if isinstance(shipped, str) else shipped
-            names = names[: self.quick] if given["quick"] and not self.prompts else names
-            one = option in ("photo", "style")
-            own = [own] if one and own else own
-            pictures = targets.load_targets(own) if own else targets.load_shipped_targets(names[:1] if one else names)
-            found.append(pictures[0] if one else pictures)
-        return found
+        own, shipped, one = given[option], self.shipped[option], option in ("photo", "style")
+        if own:
+            found = targets.load_targets([own] if one else own)
+        else:
+            names = getattr(targets, shipped) if isinstance(shipped, str) else shipped
+            count = 1 if one else self.quick if given["quick"] else None
+            found = targets.load_shipped_targets(names[:count])
+        return found[0] if one else found
 
 
 ROWS = (
     ExperimentRow(
         "continuous-strokes",
         "Sweep thickness, length and bend of a stroke, and compare the modelled with the painted strokes.",
-        ("own library", "seed"),
+        "continuous_strokes:ContinuousStrokes", ("seed",),
     ),
     ExperimentRow(
         "stroke-model",
         "Compare held-out strokes with the stroke model, with paired tests against a fitted Bezier curve.",
-        ("library", "seed"), module="stroke_models",
-    ),
-    ExperimentRow(
-        "taught-strokes",
-        "Measure the strokes that a person taught: shape codes, stroke models, and a drawing of long lines.",
-        ("seed",),
+        "stroke_models:StrokeModels", ("library", "seed"),
     ),
     ExperimentRow(
         "strokes-needed", "Measure the error on held-out strokes against the number of training strokes.",
-        ("library", "seed", "jobs"),
+        "stroke_models:StrokesNeeded", ("library", "seed"),
     ),
     ExperimentRow(
         "real-strokes", "Compare the errors of all stroke models over several splits of a library.",
-        ("library", "seeds", "jobs"), seeds="0,1,2,3,4",
+        "stroke_models:RealStrokes", ("library", "seeds"), "0,1,2,3,4",
     ),
     ExperimentRow(
         "sim2real", "Measure the sim2real gap of paintings for our planner and two planners like earlier work.",
-        ("seeds", "photos", "jobs"), seeds="0,1,2", shipped=("SHIPPED",),
+        "sim2real:Sim2Real", ("seeds", "photos"), "0,1,2", {"photos": "SHIPPED"},
     ),
     ExperimentRow(
         "ladder",
         "Find where a painting loses quality: looks, placement, and each imperfection of robot, paint and camera.",
-        ("seeds", "photos", "strokes", "jobs"), shipped=("PHOTOGRAPHS",), quick=1,
+        "ladder:Ladder", ("seeds", "photos", "strokes"),
+        shipped={"photos": ("rocket", "astronaut", "coffee", "cat")}, quick=1,
     ),
     ExperimentRow(
         "replanning",
         "Compare paintings with and without replanning: the distance to the first plan and to the target.",
-        ("seeds", "photo", "jobs"), seeds="0,1,2", shipped=(("coffee",),),
-    ),
-    ExperimentRow(
-        "disturbances",
-        "Compare paintings with and without looks if strokes are lost, a paint is wrong, or somebody interferes.",
-        ("seeds", "photos", "jobs"), seeds="0,1,2", shipped=(("coffee", "cat"),), quick=1,
-    ),
-    ExperimentRow(
-        "robustness",
-        "Test calibration with missing paint, blur, changed light, moved paper, missing dots and a rotated checker.",
-        ("seed",),
-    ),
-    ExperimentRow(
-        "sawyer",
-        "Compare the simulated Sawyer with kinematic execution of the same plan: tracking error and its effect.",
-        ("seed", "photo"), shipped=(("coffee",),),
+        "replanning:Replanning", ("seeds", "photo"), "0,1,2", {"photo": ("coffee",)},
     ),
     ExperimentRow(
         "text", "Paint text prompts and score them by a network that planning does not use, against baselines.",
-        ("seeds", "first", "jobs"), prompts="PROMPTS", quick=2,
+        "goals:Text", ("seeds", "first"),
     ),
     ExperimentRow(
         "style", "Measure the style distance of paintings with features that the optimiser does not use.",
-        ("seeds", "photos", "styles", "jobs"), seeds="0,1", shipped=(("cat", "astronaut"), "STYLES"),
+        "goals:Style", ("seeds", "photos", "styles"), "0,1", {"photos": ("cat", "astronaut"), "styles": "STYLES"},
     ),
     ExperimentRow(
         "semantic", "Compare painting by content with painting by pixels, scored by a network that no optimiser uses.",
-        ("seeds", "photos", "jobs"), seeds="0,1", shipped=("PHOTOGRAPHS",),
+        "goals:Semantic", ("seeds", "photos"), "0,1", {"photos": "PHOTOGRAPHS"},
     ),
     ExperimentRow(
         "sketch", "Paint text prompts along a drawing, with and without the sketch objective, and in a style.",
-        ("seeds", "drawings", "style", "jobs"), seeds="0,1", shipped=("DRAWINGS", "STYLES"), keeps=True,
-    ),
-    ExperimentRow(
-        "composition",
-        "Paint text prompts from a style picture, and measure its composition and whether the prompt is still seen.",
-        ("seeds", "styles", "jobs"), shipped=("STYLES",), prompts="SAID", quick=1,
+        "goals:Sketch", ("seeds", "drawings", "style"), "0,1", {"drawings": "DRAWINGS", "style": "STYLES"},
     ),
 )  # fmt: skip
 
@@ -263,4 +213,41 @@ def register(app: typer.Typer) -> None:
 def list_all() -> None:
     """List the experiments."""
     for row in ROWS:
-        print(f"{row.name:20} {row.help}")
+        print(f"{row.name:20} {row.question}")
+
+
+def conduct(experiment: "Experiment", folder: Path, jobs: int | None = None, *, stays: bool = False) -> "Outcome":
+    """Runs an experiment under a progress bar, writes its outcome, and prints where it is.
+
+    folder: takes the outcome, and meanwhile the finished runs
+    jobs: greatest number of runs at the same time
+    stays: True if the finished runs stay, so that more of them can be done later
+
+    Raises the errors of the experiment, and StorageError.
+    """
+    from rich.console import Console
+
+    from frida_painter.cli.terminal import Line, progress_bar
+    from frida_painter.devices import prepare_process
+    from frida_painter.lab.experiment import within
+    from frida_painter.session.time_left import duration, remaining_seconds
+
+    prepare_process()
+    started, bar = time.monotonic(), progress_bar(Console(stderr=True, highlight=False))
+    task, keep = bar.add_task("getting ready", total=1.0, left=math.inf), folder if stays else folder / UNFINISHED
+
+    def hear(progress: "Progress") -> None:
+        left = remaining_seconds(time.monotonic() - started, progress.share)
+        bar.update(task, description=progress.doing, completed=progress.share, left=left)
+
+    with Line(bar):
+        ready = experiment.prepare(within(hear, 0.0, _PREPARING))
+        first = _PREPARING if ready is not experiment else 0.0
+        found = ready.run_in_processes(keep, within(hear, first, 1.0), jobs)
+    found.save(folder)
+    if not stays:
+        shutil.rmtree(keep, ignore_errors=True)
+    print("\n".join([found.title, *(f"  {note}" for note in found.notes)]))
+    print(f"In {duration(time.monotonic() - started)}: {folder / 'table.md'}, table.json and", end=" ")
+    print(f"{count_of(len(found.pictures), 'picture')}.")
+    return found

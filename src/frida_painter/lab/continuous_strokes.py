@@ -1,26 +1,31 @@
 """Experiment: sweeps of thickness, length and bend from one extreme to the other (paper, Fig. "continuous strokes").
 
 The upper row shows the learned stroke model. The lower row shows the same strokes as painted by the robot of the
-virtual studio or, for a stroke library, the most similar real strokes.
+virtual studio.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from frida_painter.brush.kinds import BrushKind, brush_kind
-from frida_painter.brush.library import StrokeLibrary, resample
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.lab import ExperimentScale
+from frida_painter.lab.experiment import (
+    Experiment,
+    Measurement,
+    Notify,
+    Progress,
+    Results,
+    ResultTable,
+    Row,
+    Run,
+    Value,
+)
 from frida_painter.lab.paintings import EXACT, connect_studio, execute
-from frida_painter.lab.stroke_models import DEFAULT, learn_model
-from frida_painter.lab.trials import Notify, Outcome, Progress, ResultTable, Row, silent
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.render import render
@@ -28,131 +33,95 @@ from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.strokes import StrokeLimits, Strokes
 from frida_painter.virtual.studio import open_studio
 
-NAME = "continuous-strokes"
-PARAMETERS = ("thickness", "length", "bend")
+PARAMETERS = {"thickness": ("", 1.0), "length": (" mm", 1000.0), "bend": (" mm", 1000.0)}
+"""Unit and factor of each parameter for people."""
 _INK = 0.04
 _ACROSS = 3  # strokes side by side on a paper
 
 
-# Number of strokes in each sweep.
-FULL = ExperimentScale(strokes=9)
-QUICK = ExperimentScale(strokes=3, quick=True)
+@dataclass(frozen=True, kw_only=True)
+class ContinuousStrokes(Experiment):
+    """Experiment `continuous-strokes`: a run for each parameter of a stroke."""
 
+    NAME = "continuous-strokes"
 
-@dataclass(frozen=True)
-class _Sweep:
-    """Sweep of one parameter: requested strokes and the real ones below, with magnitudes [n, rows, columns] each.
+    seed: int = 0
 
-    pixel: area of a pixel, square metres
-    """
+    @property
+    def heading(self) -> str:
+        """One line for people, with the brush."""
+        return f"Strokes of the {self.brush} brush, from one extreme to the other"
 
-    asked: Strokes
-    modelled: Tensor
-    found: Strokes
-    real: Tensor
-    pixel: float
+    @property
+    def steps(self) -> int:
+        """Number of strokes in each sweep."""
+        return 3 if self.quick else 9
 
+    def runs(self) -> Sequence[Run]:
+        """Returns a run for each parameter."""
+        facts = {"brush": self.brush, "seed": self.seed, "quick": self.quick}
+        return [Run({"swept": name}, facts) for name in PARAMETERS]
 
-def run(
-    *,
-    library: Path | None = None,
-    brush: str = "broad",
-    seed: int = 0,
-    scale: ExperimentScale = FULL,
-    notify: Notify = silent,
-) -> Outcome:
-    """Sweeps the strokes of a brush of the project, and lets the virtual robot paint them.
-
-    library: file of a stroke library to use instead (`run_on_library`)
-    Raises ConfigError if there is no such brush, LibraryError if the file is no library of enough strokes.
-    """
-    if library is not None:
-        strokes = StrokeLibrary.load(library)
-        return run_on_library(strokes, library.stem, seed=seed, scale=scale, notify=notify)
-    kind, model = brush_kind(brush), load_stroke_model(brush)
-
-    def painted(parameter: str) -> _Sweep:
-        notify(Progress(PARAMETERS.index(parameter) / len(PARAMETERS), f"painting all values of {parameter}"))
-        asked = sweep(parameter, kind.limits, scale.strokes)
-        paper = _Paper(kind, scale)
+    def measure(self, run: Run, notify: Notify) -> Measurement:
+        """Paints a sweep, and measures each stroke by the model and in reality; the pictures have them side by side."""
+        notify(Progress(0.0, f"painting all values of {run['swept']}"))
+        kind, model = brush_kind(self.brush), load_stroke_model(self.brush)
+        asked = sweep(run["swept"], kind.limits, self.steps)
+        paper = _Paper(kind, self.steps, 60 if self.quick else 240)
         plan = paper.plan(asked)
-        studio = open_studio(plan.canvas, brush, seed=seed + PARAMETERS.index(parameter), placement_error=EXACT)
+        seed = self.seed + list(PARAMETERS).index(run["swept"])
+        studio = open_studio(plan.canvas, self.brush, seed=seed, placement_error=EXACT)
         photograph = execute(plan, connect_studio(studio).easel, paper.grid.rows)
         with torch.no_grad():
             drawn = render(plan.strokes, model, torch.ones(photograph.shape), plan.canvas)
-        modelled, real = (torch.stack([*paper.cut(picture, len(asked))]) for picture in (drawn, photograph))
         across, down = paper.grid.pitch
-        return _Sweep(asked, _magnitude(modelled), asked, _magnitude(real), across * down)
+        numbers: dict[str, float] = {}
+        shown: dict[str, list[Tensor]] = {"model": [], "robot": []}
+        pairs = zip(paper.cut(drawn, self.steps), paper.cut(photograph, self.steps), strict=True)
+        for number, pair in enumerate(pairs):
+            marks = [((1 - picture.mean(0)) / (1 - _INK)).clamp(0, 1) for picture in pair]
+            areas = [float(mark.sum()) * across * down * 1e6 for mark in marks]
+            numbers |= {f"{name} {number}": float(getattr(asked, name)[number]) for name in PARAMETERS}
+            numbers |= {f"area modelled {number}": areas[0], f"area painted {number}": areas[1]}
+            numbers[f"difference {number}"] = float((marks[0] - marks[1]).abs().mean())
+            for name, picture in zip(shown, pair, strict=True):
+                shown[name].append(picture)
+        return Measurement(numbers, {name: torch.cat(pictures, 2) for name, pictures in shown.items()})
 
-    title = f"Strokes of the {brush} brush, from one extreme to the other"
-    return _outcome(
-        title, "robot", {"brush": brush, "seed": seed, "steps": scale.strokes, "rows": _rows(scale)}, painted
-    )
+    def settings(self) -> Mapping[str, Value | Sequence[Value]]:
+        """Returns what was swept, and how finely."""
+        return {"brush": self.brush, "seed": self.seed, "steps": self.steps}
 
+    def tables(self, results: Results) -> Sequence[ResultTable]:
+        """Returns a row for each pair of strokes."""
+        rows: list[Row] = []
+        for labels, one in results.found:
+            for number in range(self.steps):
+                shape = {
+                    f"{name}{unit}": round(factor * one.numbers[f"{name} {number}"], 4)
+                    for name, (unit, factor) in PARAMETERS.items()
+                }
+                rows.append({
+                    **labels,
+                    **shape,
+                    "area modelled mm2": round(one.numbers[f"area modelled {number}"], 1),
+                    "area painted mm2": round(one.numbers[f"area painted {number}"], 1),
+                    "mean abs. difference": round(one.numbers[f"difference {number}"], 5),
+                })  # fmt: skip
+        return [ResultTable("Swept strokes: the model, and below it the robot", rows)]
 
-def run_on_library(
-    library: StrokeLibrary, name: str, *, seed: int = 0, scale: ExperimentScale = FULL, notify: Notify = silent
-) -> Outcome:
-    """Learns from a library, sweeps between its extremes, and shows its nearest strokes.
-
-    name: of the library
-
-    Raises LibraryError if the library is too small to learn from.
-    """
-    notify(Progress(0.0, "learning"))
-    model = learn_model(DEFAULT, library, seed=seed, quick=scale.quick)
-    notify(Progress(1.0, "drawing"))
-
-    @torch.no_grad()
-    def nearest(parameter: str) -> _Sweep:
-        asked = sweep(parameter, model.limits, scale.strokes)
-        found, maps = _nearest(asked, library)
-        modelled = resample(model(asked.thickness, asked.length, asked.bend), model.frame, library.frame)
-        return _Sweep(asked, modelled, found, maps, library.metres_per_pixel**2)
-
-    title = f"Strokes of {name}, from one extreme to the other"
-    return _outcome(title, "nearest\nreal", {"library": name, "seed": seed, "steps": scale.strokes}, nearest)
-
-
-def _outcome(title: str, below: str, settings: dict[str, str | int], find: Callable[[str], _Sweep]) -> Outcome:
-    lines: list[FigureRow] = []
-    rows: list[Row] = []
-    for parameter in PARAMETERS:
-        found = find(parameter)
-        lines.append(FigureRow(f"{parameter}\nmodel", _cells(found.modelled, parameter, found.asked)))
-        lines.append(FigureRow(below, _cells(found.real, parameter, found.found)))
-        rows += [_row(parameter, found, index) for index in range(len(found.asked))]
-    apart = [float(row["mean abs. difference"] or 0) for row in rows]
-    note = (
-        f"Over {len(rows)} strokes the upper and the lower ones differ by {sum(apart) / len(apart):.4f} in the mean "
-        f"over the whole map, and by {max(apart):.4f} in the worst pair."
-    )
-    table = ResultTable(f"Swept strokes: the model, and below it: {below.replace(chr(10), ' ')}", tuple(rows))
-    return Outcome(NAME, title, settings, (table,), (note,), {NAME: page(title, (), lines, width=150)})
-
-
-def _cells(magnitude: Tensor, parameter: str, strokes: Strokes) -> list[Cell]:
-    values = [_value(parameter, strokes, index) for index in range(len(strokes))]
-    return [
-        Cell((1 - (1 - _INK) * mark).clamp(0, 1).expand(3, -1, -1), value)
-        for mark, value in zip(magnitude, values, strict=True)
-    ]
-
-
-def _magnitude(pictures: Tensor) -> Tensor:
-    """Converts pictures [n, 3, rows, columns] of ink on white paper to magnitudes [n, rows, columns]."""
-    return ((1 - pictures.mean(1)) / (1 - _INK)).clamp(0, 1)
-
-
-def _nearest(asked: Strokes, library: StrokeLibrary) -> tuple[Strokes, Tensor]:
-    """Returns the library's strokes that are nearest in all three parameters, and their marks [n, rows, columns]."""
-    there = torch.stack(library.shapes(), 1)
-    span = (there.amax(0) - there.amin(0)).clamp(min=1e-9)
-    wanted = torch.stack((asked.thickness, asked.length, asked.bend), 1)
-    chosen = torch.cdist(wanted / span, there / span).argmin(1)
-    thickness, length, bend = there[chosen].unbind(1)
-    maps = torch.from_numpy(library.magnitude[np.asarray(chosen)]).float() / 255
-    return asked.with_groups(thickness=thickness, length=length, bend=bend), maps
+    def pictures(self, results: Results) -> Mapping[str, Tensor]:
+        """Returns all sweeps, the model's above the painted ones."""
+        lines = []
+        for labels, one in results.found:
+            name = str(labels["swept"])
+            unit, factor = PARAMETERS[name]
+            values = [f"{factor * one.numbers[f'{name} {number}']:.3g}{unit}" for number in range(self.steps)]
+            for label in one.pictures:
+                parts = one.pictures[label].chunk(self.steps, 2)
+                cells = [Cell(*each) for each in zip(parts, values, strict=True)]
+                lines.append(FigureRow(f"{name}\n{label}", cells))
+        return {self.NAME: page(self.heading, (), lines, width=150)}
 
 
 def sweep(parameter: str, limits: StrokeLimits, steps: int) -> Strokes:
@@ -170,21 +139,16 @@ def sweep(parameter: str, limits: StrokeLimits, steps: int) -> Strokes:
     )  # fmt: skip
 
 
-def _rows(scale: ExperimentScale) -> int:
-    """Returns the height of a painted stroke's picture, pixels."""
-    return 60 if scale.quick else 240
-
-
 class _Paper:
     """Paper with a place for every stroke of a sweep."""
 
-    def __init__(self, kind: BrushKind, scale: ExperimentScale) -> None:
+    def __init__(self, kind: BrushKind, strokes: int, rows: int) -> None:
         self.kind = kind
         frame = kind.frame
         # At least two rows, because no stroke may be longer than nine tenths of the paper's shorter side.
-        self.down = max(2, -(-scale.strokes // _ACROSS))
+        self.down = max(2, -(-strokes // _ACROSS))
         size = CanvasSize(_ACROSS * (frame.right - frame.left), self.down * (frame.top - frame.bottom))
-        self.grid = PixelGrid.of_height(size, self.down * _rows(scale))
+        self.grid = PixelGrid.of_height(size, self.down * rows)
 
     def plan(self, shapes: Strokes) -> Plan:
         """Returns the plan of the strokes, each in the middle of its place."""
@@ -207,21 +171,3 @@ class _Paper:
         for place in range(count):
             top, left = place // _ACROSS * rows, place % _ACROSS * columns
             yield picture[:, top : top + rows, left : left + columns]
-
-
-def _value(parameter: str, strokes: Strokes, index: int) -> str:
-    value = float(getattr(strokes, parameter)[index])
-    return f"{value:.2f}" if parameter == "thickness" else f"{round(value * 1000, 1):g} mm"
-
-
-def _row(parameter: str, found: _Sweep, index: int) -> Row:
-    asked, model, real = found.asked, found.modelled[index], found.real[index]
-    return {
-        "swept": parameter,
-        "thickness": round(float(asked.thickness[index]), 4),
-        "length mm": round(float(asked.length[index]) * 1000, 2),
-        "bend mm": round(float(asked.bend[index]) * 1000, 2),
-        "area modelled mm2": round(float(model.sum()) * found.pixel * 1e6, 1),
-        "area below mm2": round(float(real.sum()) * found.pixel * 1e6, 1),
-        "mean abs. difference": round(float((model - real).abs().mean()), 5),
-    }

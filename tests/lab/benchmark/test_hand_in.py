@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError, HandInError
-from frida_painter.lab.benchmark import cell, hand_in
-from frida_painter.lab.benchmark.cell import read_hand_in
+from frida_painter.lab.benchmark import hand_in, table
 from frida_painter.lab.benchmark.hand_in import DrawnStroke, HandIn, draw, read_csv
+from frida_painter.lab.benchmark.table import read_hand_in
 
 CANVAS = CanvasSize(0.28, 0.21)
 HEADER = "stroke,color,width_mm,x_mm,y_mm"
@@ -102,7 +102,7 @@ def test_too_many_strokes_are_refused_before_all_are_read(monkeypatch):
 
 
 def test_a_huge_file_is_refused_by_its_size(tmp_path, monkeypatch):
-    monkeypatch.setattr(cell, "MAX_BYTES", 1000)
+    monkeypatch.setattr(table, "MAX_BYTES", 1000)
     path = tmp_path / "strokes.csv"
     path.write_bytes(csv_of(*["1,#aa3311,4,10,10"] * 100))
     with pytest.raises(HandInError):

@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,26 +16,24 @@ import frida_painter as fp
 from frida_painter import storage
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError, StorageError, SweepBusy, TryFailed, WorkerUnfit
+from frida_painter.lab import targets
 from frida_painter.lab.sweeps import runner
-from frida_painter.lab.sweeps import runner as sweeps
-from frida_painter.lab.sweeps.report import SweepProgress, status_of
+from frida_painter.lab.sweeps.report import SweepProgress, read_state
 from frida_painter.lab.sweeps.runner import Assignment, perform
 from frida_painter.lab.sweeps.sweep_folder import RunFolder, SweepFolder
 from frida_painter.lab.sweeps.sweep_spec import SweepRun
 from frida_painter.plan import Plan
 from frida_painter.storage import PART
 from plugins import install
-from support import data
 from sweep_engine import Here
 
-sweeps_open_engine = sweeps.open_engine
 SMALL = {"strokes": 4, "canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
 
 
 @pytest.fixture
 def photo(tmp_path: Path) -> Path:
     path = tmp_path / "coffee.png"
-    Image.fromarray(data.coffee()).resize((120, 90)).save(path)
+    Image.open(Path(targets.__file__).with_name("coffee.jpg")).resize((120, 90)).save(path)
     return path
 
 
@@ -42,13 +41,34 @@ def photo(tmp_path: Path) -> Path:
 def engine(monkeypatch: pytest.MonkeyPatch) -> Here:
     """The engine of all sweeps of a test, which does not plan: what a run gives is made up from its seed."""
     made = Here()
-    monkeypatch.setattr(sweeps, "open_engine", lambda *limits, **where: made)
+    monkeypatch.setattr(runner, "Engine", lambda limits, slots: made)
     monkeypatch.setattr(runner, "_figures", lambda kind, opened, plan, folder: {"plan dB": 20.0 + opened.spec.seed})
     return made
 
 
 def asked(photo: Path, seeds: int = 3, **more: Any) -> dict[str, Any]:
     return {"settings": {**SMALL, "image": str(photo)}, "grid": {"seed": list(range(seeds))}, **more}
+
+
+def at_seed(number: int, act: Callable[[Assignment], object]) -> Callable[[Assignment], None]:
+    """Does something before the run with that seed."""
+
+    def between(assignment: Assignment) -> None:
+        if assignment.run.labels["seed"] == number:
+            act(assignment)
+
+    return between
+
+
+def fail(error: BaseException) -> Callable[[object], None]:
+    def failing(task: object) -> None:
+        raise error
+
+    return failing
+
+
+def nothing(task: object) -> None:
+    pass
 
 
 def test_every_run_is_done_and_none_again(tmp_path: Path, photo: Path, engine: Here) -> None:
@@ -60,75 +80,60 @@ def test_every_run_is_done_and_none_again(tmp_path: Path, photo: Path, engine: H
     again = fp.sweep(asked(photo, 5), tmp_path / "sweep")
     assert len(engine.asked) == len({task.run.key for task in engine.asked}) == 5
     assert again.done_before == 3 and len(again.records) == 5
+    other = fp.sweep({"settings": {**SMALL, "seed": 1}, "grid": {"image": [str(photo)]}}, tmp_path / "sweep")
+    assert len(engine.asked) == 5, "it was done for the first sweep"
+    assert [record["labels"] for record in other.records.values()] == [{"image": "coffee.png"}]
+    Image.new("RGB", (120, 90), "red").save(photo)
+    assert fp.sweep(asked(photo, 1), tmp_path / "sweep").done_before == 0, "another photograph"
 
 
-def test_a_run_follows_from_what_decides_it_and_not_from_the_sweep(tmp_path: Path, photo: Path, engine: Here) -> None:
-    fp.sweep(asked(photo), tmp_path / "sweep")
-    other = {"settings": {**SMALL, "seed": 1}, "grid": {"image": [str(photo)]}}
-    outcome = fp.sweep(other, tmp_path / "sweep")
-    assert len(engine.asked) == 3, "it was done for the first sweep"
-    (record,) = outcome.records.values()
-    assert record["labels"] == {"image": "coffee.png"}
-
-
-def test_what_fails_is_reported_tried_again_next_time_and_stops_nothing(
-    tmp_path: Path, photo: Path, engine: Here
-) -> None:
-    def fail_second(assignment: Assignment) -> None:
-        if assignment.run.labels["seed"] == 1:
-            raise TryFailed("It exploded.")
-
-    engine.between = fail_second
+def test_what_fails_is_reported_tried_again_next_time_and_stops_nothing(tmp_path: Path, photo: Path, engine: Here):
+    engine.between = at_seed(1, fail(TryFailed("It exploded.")))
     outcome = fp.sweep(asked(photo), tmp_path / "sweep")
-    assert len(outcome.records) == 2
     (failure,) = outcome.failures.values()
-    assert failure["error"] == "It exploded." and failure["labels"] == {"seed": 1}
-    status = status_of(tmp_path / "sweep")
-    assert status.lines() == ["sweep: 2 of 3 runs done, 1 failed.", "  seed 1: It exploded."]
-    engine.between = lambda assignment: None
+    assert len(outcome.records) == 2 and failure["error"] == "It exploded." and failure["labels"] == {"seed": 1}
+    told = read_state(tmp_path / "sweep").lines()
+    assert told == ["sweep: 2 of 3 runs done, 1 failed.", "  seed 1: It exploded."]
+    engine.between = nothing
     assert fp.sweep(asked(photo), tmp_path / "sweep").failures == {}
-    assert status_of(tmp_path / "sweep").lines() == ["sweep: 3 of 3 runs done."]
+    assert read_state(tmp_path / "sweep").lines() == ["sweep: 3 of 3 runs done."]
 
 
 def test_an_interrupted_sweep_goes_on(tmp_path: Path, photo: Path, engine: Here) -> None:
-    def interrupt(assignment: Assignment) -> None:
-        if assignment.run.labels["seed"] == 2:
-            raise KeyboardInterrupt
-
-    engine.between = interrupt
+    engine.between = at_seed(2, fail(KeyboardInterrupt()))
     with pytest.raises(KeyboardInterrupt):
         fp.sweep(asked(photo), tmp_path / "sweep")
-    assert "nobody works on it; run the sweep again to continue" in status_of(tmp_path / "sweep").lines()[0]
-    engine.between = lambda assignment: None
+    assert "nobody works on it; run the sweep again to continue" in read_state(tmp_path / "sweep").lines()[0]
+    engine.between = nothing
     assert fp.sweep(asked(photo), tmp_path / "sweep").done_before == 2
 
 
-def test_a_damaged_result_is_made_again(tmp_path: Path, photo: Path, engine: Here) -> None:
-    outcome = fp.sweep(asked(photo, 2), tmp_path / "sweep")
-    path = RunFolder(outcome.folder, outcome.runs[0].key).path / "result.json"
-    path.write_text(path.read_text()[:-20])
-    assert fp.sweep(asked(photo, 2), tmp_path / "sweep").done_before == 1
+def test_results_of_another_machine_are_taken_over(tmp_path: Path, photo: Path, engine: Here) -> None:
+    """As docs/how-to/sweep.md says: parts of a grid, whose runs are copied into one folder."""
+    fp.sweep(asked(photo, 2), tmp_path / "here")
+    fp.sweep({**asked(photo), "grid": {"seed": [2, 3]}}, tmp_path / "there")
+    shutil.copytree(tmp_path / "there" / "runs", tmp_path / "here" / "runs", dirs_exist_ok=True)
+    assert fp.sweep(asked(photo, 4), tmp_path / "here").done_before == 4 and len(engine.asked) == 4
 
 
-def test_photographs_may_vanish(tmp_path: Path, photo: Path, engine: Here) -> None:
-    def vanish(assignment: Assignment) -> None:
-        photo.unlink(missing_ok=True)
+def test_damaged_results_and_copies_are_made_again_and_a_spoiled_folder_stops_no_other(
+    tmp_path: Path, photo: Path, engine: Here
+) -> None:
+    made = fp.sweep(asked(photo), tmp_path / "s")
+    first, second, third = (RunFolder(made.folder, run.key).path for run in made.runs)
+    (first / "result.json").write_text((first / "result.json").read_text()[:-20])
+    (copy,) = (tmp_path / "s" / "inputs").iterdir()
+    copy.write_bytes(copy.read_bytes()[:100])
+    assert fp.sweep(asked(photo), tmp_path / "s").done_before == 2 and copy.read_bytes() == photo.read_bytes()
+    shutil.rmtree(first)
+    first.write_text("hi")
+    (third / "result.json").write_text((second / "result.json").read_text())
+    again = fp.sweep(asked(photo), tmp_path / "s")
+    assert set(again.failures) == {first.name} and set(again.records) == {second.name, third.name}
+    assert json.loads((third / "result.json").read_text())["key"] == third.name
 
-    engine.between = vanish
-    assert len(fp.sweep(asked(photo), tmp_path / "sweep").records) == 3
-    outcome = fp.sweep(asked(photo, 4), tmp_path / "sweep")
-    assert len(outcome.records) == 4 and outcome.remarks[0].startswith("coffee.png vanished; the copy")
-    with pytest.raises(ConfigError, match=r"coffee\.png does not exist"):
-        fp.sweep(asked(photo), tmp_path / "another")
 
-
-def test_a_changed_photograph_is_another(tmp_path: Path, photo: Path, engine: Here) -> None:
-    fp.sweep(asked(photo, 1), tmp_path / "sweep")
-    Image.new("RGB", (120, 90), "red").save(photo)
-    assert fp.sweep(asked(photo, 1), tmp_path / "sweep").done_before == 0
-
-
-def test_a_photograph_that_changes_while_the_sweep_begins_is_noticed(
+def test_photographs_may_vanish_and_one_that_changes_meanwhile_is_noticed(
     tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     copy = storage.copy
@@ -141,18 +146,23 @@ def test_a_photograph_that_changes_while_the_sweep_begins_is_noticed(
     with pytest.raises(ConfigError, match=r"coffee\.png has changed while the sweep began; call it once more"):
         fp.sweep(asked(photo), tmp_path / "s")
     monkeypatch.setattr(storage, "copy", copy)
+    engine.between = lambda assignment: photo.unlink(missing_ok=True)
     assert len(fp.sweep(asked(photo), tmp_path / "s").records) == 3
+    outcome = fp.sweep(asked(photo, 4), tmp_path / "s")
+    assert len(outcome.records) == 4 and outcome.remarks[0].startswith("coffee.png vanished; the copy")
+    with pytest.raises(ConfigError, match=r"coffee\.png does not exist"):
+        fp.sweep(asked(photo), tmp_path / "another")
 
 
-def test_a_damaged_copy_is_made_again(tmp_path: Path, photo: Path, engine: Here) -> None:
-    fp.sweep(asked(photo), tmp_path / "s")
-    (copy,) = (tmp_path / "s" / "inputs").iterdir()
-    copy.write_bytes(copy.read_bytes()[:100])
-    fp.sweep(asked(photo, seeds=4), tmp_path / "s")
-    assert copy.read_bytes() == photo.read_bytes()
-
-
-def test_photographs_of_one_name_are_told_apart(tmp_path: Path, photo: Path, engine: Here) -> None:
+def test_files_are_found_from_anywhere_and_those_of_one_name_are_told_apart(
+    tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "n").mkdir()
+    (tmp_path / "n" / f"{PART}ab12cd34.json").touch()  # left by a killed first write
+    assert len(fp.sweep(asked(Path(photo.name)), "n").records) == 3
+    monkeypatch.chdir("/")
+    assert len(read_state(tmp_path / "n").runs) == 3
     names = []
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
@@ -164,126 +174,70 @@ def test_photographs_of_one_name_are_told_apart(tmp_path: Path, photo: Path, eng
     assert [run.labels["text"] for run in words.runs] == ["a red/green apple", "a pear"]
 
 
-def test_a_folder_of_a_run_that_is_spoiled_stops_no_other(tmp_path: Path, photo: Path, engine: Here) -> None:
-    made = fp.sweep(asked(photo), tmp_path / "s")
-    first, second, third = (tmp_path / "s" / "runs" / run.key for run in made.runs)
-    shutil.rmtree(first)
-    first.write_text("hi")
-    (third / "result.json").write_text((second / "result.json").read_text())
-    again = fp.sweep(asked(photo), tmp_path / "s")
-    assert set(again.failures) == {first.name} and set(again.records) == {second.name, third.name}
-    assert json.loads((third / "result.json").read_text())["key"] == third.name
-
-
-def test_what_a_killed_first_write_leaves_is_no_other_sweep(tmp_path: Path, photo: Path, engine: Here) -> None:
-    folder = tmp_path / "s"
-    folder.mkdir()
-    (folder / f"{PART}ab12cd34.json").touch()
-    assert len(fp.sweep(asked(photo), folder).records) == 3
-
-
-def test_files_that_python_names_are_found_from_anywhere(
-    tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    fp.sweep(asked(Path(photo.name)), "s")
-    monkeypatch.chdir("/")
-    assert len(status_of(tmp_path / "s").runs) == 3
-
-
-@pytest.mark.parametrize("goal", [5, "coffee.png", ["coffee.png"]])
-def test_a_goal_that_is_no_list_of_tables_is_refused(tmp_path: Path, engine: Here, goal: Any) -> None:
-    with pytest.raises(ConfigError, match=r"goal was given .*; it is a list of tables"):
-        fp.sweep({"settings": {**SMALL, "goal": goal}}, tmp_path / "s")
-
-
 @pytest.mark.parametrize("title", ["../../away", "/tmp/away", "a\x00b", "..."])
 def test_a_title_does_not_lead_out_of_the_folder_of_sweeps(title: str) -> None:
-    folder = sweeps.default_folder(sweeps.SweepSpec(title=title))
+    folder = runner.default_folder(runner.SweepSpec(title=title))
     assert folder.parent == Path("sweeps") and folder.name and "\x00" not in folder.name and folder.name != ".."
 
 
-def test_two_drivers_do_not_share_a_folder(tmp_path: Path, photo: Path, engine: Here) -> None:
+def test_two_drivers_do_not_share_a_folder_and_others_are_left_alone(tmp_path: Path, photo: Path, engine: Here):
     def second(assignment: Assignment) -> None:
-        with pytest.raises(SweepBusy, match="Another process works on"):
+        with pytest.raises(SweepBusy):
             fp.sweep(asked(photo), tmp_path / "sweep")
-        assert status_of(tmp_path / "sweep").working
+        assert read_state(tmp_path / "sweep").working
 
     engine.between = second
-    assert len(fp.sweep(asked(photo), tmp_path / "sweep").records) == 3
-    assert not status_of(tmp_path / "sweep").working
+    assert len(fp.sweep(asked(photo), tmp_path / "sweep").records) == 3 and not read_state(tmp_path / "sweep").working
+    with pytest.raises(StorageError, match="holds something that is no sweep"):
+        fp.sweep(asked(photo), tmp_path)
+    storage.write_json(tmp_path / "other" / "sweep.json", {"format": "something else"})
+    for folder in (tmp_path, tmp_path / "other"):
+        with pytest.raises(ConfigError, match="no sweep"):
+            read_state(folder)
 
 
 def test_a_full_disk_ends_the_sweep_and_loses_nothing(
     tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(assignment: Assignment) -> None:
-        if assignment.run.labels["seed"] == 1:
-            usage = type("Usage", (), {"free": 1000})
-            monkeypatch.setattr(storage.shutil, "disk_usage", lambda path: usage)
-            raise StorageError("No space left on device.")
+        monkeypatch.setattr(storage.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000}))
+        raise StorageError("No space left on device.")
 
-    engine.between = full
+    engine.between = at_seed(1, full)
     with pytest.raises(StorageError, match="0 MB free"):
         fp.sweep(asked(photo), tmp_path / "sweep")
     monkeypatch.undo()
-    assert status_of(tmp_path / "sweep").progress.done == 1
-    assert status_of(tmp_path / "sweep").failures == {}
+    state = read_state(tmp_path / "sweep")
+    assert state.progress.done == 1 and state.failures == {}
 
 
-def test_another_version_ends_the_sweep(tmp_path: Path, photo: Path, engine: Here) -> None:
-    engine.between = lambda assignment: perform(
-        Assignment(SweepRun(**{**assignment.run.__dict__, "program": "0.0.1"}), assignment.sweep)
-    )
-    with pytest.raises(WorkerUnfit, match=r"and the sweep was begun with 0\.0\.1; install one version"):
+def test_another_version_ends_the_sweep(tmp_path: Path, photo: Path, engine: Here):
+    def with_another_version(assignment: Assignment) -> None:
+        perform(Assignment(SweepRun(**{**assignment.run.__dict__, "program": "0.0.1"}), assignment.sweep))
+
+    engine.between = with_another_version
+    with pytest.raises(WorkerUnfit, match=r"and the sweep was begun with 0\.0\.1"):
         fp.sweep(asked(photo), tmp_path / "sweep")
 
 
-def test_a_machine_that_does_not_see_the_folder_says_so(tmp_path: Path, photo: Path) -> None:
-    run = SweepRun.of("plan", {}, {**SMALL, "image": str(photo)}, hash_of=str)
-    with pytest.raises(WorkerUnfit, match="does not see"):
-        perform(Assignment(run, str(tmp_path / "elsewhere")))
-
-
-def test_an_engine_that_cannot_begin_leaves_a_folder_that_can(tmp_path: Path, photo: Path, engine: Here) -> None:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(sweeps, "open_engine", sweeps_open_engine)
-        with pytest.raises(ConfigError, match="leave out one of them"):
-            fp.sweep(asked(photo), tmp_path / "sweep", engine="processes", address="127.0.0.1:1")
-    assert len(fp.sweep(asked(photo), tmp_path / "sweep").records) == 3
-
-
-def test_folders_that_are_no_sweep_are_left_alone(tmp_path: Path, photo: Path) -> None:
-    with pytest.raises(StorageError, match="holds something that is no sweep"):
-        fp.sweep(asked(photo), tmp_path)
-    with pytest.raises(ConfigError, match="holds no sweep"):
-        status_of(tmp_path)
-    (tmp_path / "sweep").mkdir()
-    storage.write_json(tmp_path / "sweep" / "sweep.json", {"format": "something else"})
-    with pytest.raises(ConfigError, match="no sweep of this program"):
-        status_of(tmp_path / "sweep")
-
-
-def test_very_many_runs_are_asked_about(photo: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys) -> None:
-    million = {
-        "settings": {"image": str(photo)},
-        "grid": {"seed": list(range(10_000)), "strokes": list(range(1, 1001))},
-    }
+def test_wrong_sweeps_are_refused_before_anything_begins(
+    tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(ConfigError, match=r"--strokes was given 0.*--strokes was given -1"):
+        fp.sweep({"settings": {"image": str(photo)}, "grid": {"strokes": [0, 20, -1]}}, tmp_path / "sweep")
+    for goal in (5, "coffee.png", ["coffee.png"]):
+        with pytest.raises(ConfigError, match=r"goal was given .*; it is a list of tables"):
+            fp.sweep({"settings": {**SMALL, "goal": goal}}, tmp_path / "s")
+    grid = {"seed": list(range(10_000)), "strokes": list(range(1, 1001))}
     with pytest.raises(ConfigError, match=r"10,000,000 runs, and 10,000 are the most"):
-        fp.sweep(million, tmp_path / "sweep")
-    lines = [f"{name} = {values}" for name, values in million["grid"].items()]
-    (tmp_path / "many.toml").write_text(f"settings = {{image = '{photo}'}}\n[grid]\n" + "\n".join(lines))
+        fp.sweep({"settings": {"image": str(photo)}, "grid": grid}, tmp_path / "sweep")
+    lines = "\n".join(f"{name} = {values}" for name, values in grid.items())
+    (tmp_path / "many.toml").write_text(f"settings = {{image = '{photo}'}}\n[grid]\n{lines}")
     monkeypatch.setattr("sys.argv", ["frida-painter", "sweep", str(tmp_path / "many.toml")])
     with pytest.raises(SystemExit) as end:
         commands.main()
     assert end.value.code == 2 and "10,000,000 runs, and nothing was begun; say --yes" in capsys.readouterr().err
-    assert not (tmp_path / "sweep").exists() and not Path("sweeps").exists()
-
-
-def test_all_faults_of_the_runs_are_named_before_anything_begins(tmp_path: Path, photo: Path, engine: Here) -> None:
-    with pytest.raises(ConfigError, match=r"--strokes was given 0.*--strokes was given -1"):
-        fp.sweep({"settings": {"image": str(photo)}, "grid": {"strokes": [0, 20, -1]}}, tmp_path / "sweep")
-    assert engine.asked == []
+    assert engine.asked == [] and not (tmp_path / "sweep").exists() and not Path("sweeps").exists()
 
 
 @pytest.mark.slow
@@ -297,12 +251,11 @@ def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, in_small_
         assert perform(Assignment(run, str(tmp_path / "sweep"))) == json.loads(json.dumps(record))
         return record, RunFolder(tmp_path / "sweep", run.key).path
 
-    planned, folder = done("plan")
+    planned, folder = done("plan", ground="#c8a878")
     assert {"plan dB", "expected dB", "loss of the plan"} <= set(planned["figures"])
     plan = Plan.load(folder / "plan.json")
-    with fp.PaintingRun(fp.RunSpec.of(**SMALL, goal=[{"image": str(photo)}])) as run:
+    with fp.PaintingRun(fp.RunSpec.of(**SMALL, ground="#c8a878", goal=[{"image": str(photo)}])) as run:
         assert torch.equal(run.plan().strokes.position, plan.strokes.position)
-        spec = run.spec
     painted, its_folder = done("painting")
     assert painted["figures"]["strokes painted"] == 4 and 3 < painted["figures"]["painting dB"] < 60
     assert (its_folder / "painting.png").exists()
@@ -310,13 +263,8 @@ def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, in_small_
     evaluated, _ = done("evaluation", plan=str(tmp_path / "kept" / "plan.json"), strokes=300, canvas="20x20cm")
     assert evaluated["figures"]["plan dB"] == pytest.approx(planned["figures"]["plan dB"], abs=1e-3)
     assert evaluated["settings"]["strokes"] == 4 and evaluated["settings"]["replans"] == 0
-    assert evaluated["times"]["cpu_seconds"] > 0 and evaluated["versions"]["frida-painter"]
-    assert spec.strokes == 4
-    toned, its_folder = done("plan", ground="#c8a878")
-    shutil.copytree(its_folder, tmp_path / "toned")
-    evaluated, _ = done("evaluation", plan=str(tmp_path / "toned" / "plan.json"))
     assert evaluated["settings"]["ground"] == "#c8a878", "a plan is judged on its own ground"
-    assert evaluated["figures"]["plan dB"] == pytest.approx(toned["figures"]["plan dB"], abs=1e-3)
+    assert evaluated["times"]["cpu_seconds"] > 0 and evaluated["versions"]["frida-painter"]
 
 
 @pytest.mark.slow
@@ -330,10 +278,9 @@ def test_the_command_line_does_a_sweep_in_processes(tmp_path: Path, photo: Path)
     assert said.returncode == 0, said.stderr
     assert said.stdout.startswith("2 runs of 2 done; 2 in ")
     assert SweepFolder(tmp_path / "out").read_request()[0].title == "tiny"
-    assert status_of(tmp_path / "out").progress.done == 2
+    assert read_state(tmp_path / "out").progress.done == 2
 
 
-@pytest.mark.slow
 def test_a_changed_plug_in_makes_other_runs_and_the_old_ones_are_still_reported(
     tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -352,7 +299,7 @@ def test_a_changed_plug_in_makes_other_runs_and_the_old_ones_are_still_reported(
     (run / "result.json").write_text(whole)
     (run / "plan.png").unlink()
     (tmp_path / "site" / "calm_policy.py").write_text("a = 22\n")
-    assert len(status_of(tmp_path / "out").records) == 2  # what was made is still told
+    assert len(read_state(tmp_path / "out").records) == 2  # what was made is still told
     checked = fp.record(tmp_path / "out").check()
     assert not checked.passed and "plug-in calm 1.0 code" in str(checked)
     again = fp.sweep(wanted, tmp_path / "out")
@@ -361,14 +308,12 @@ def test_a_changed_plug_in_makes_other_runs_and_the_old_ones_are_still_reported(
     assert [row["plan dB"] for row in rows] == [20.0, 21.0] and "version plug-in calm" in rows[0]
 
 
-@pytest.mark.slow
 def test_runs_are_compared_in_pairs_and_a_wrong_name_is_answered(tmp_path: Path, photo: Path, engine: Here) -> None:
     wanted = {"settings": {"image": str(photo), **SMALL}, "grid": {"seed": [0, 1, 2, 3], "effort": [0.05, 0.06]}}
     outcome = fp.sweep(wanted, tmp_path / "out")
     (effect,) = outcome.compare("effort", "plan dB")
     assert (effect.first, effect.second, effect.difference.count) == (0.05, 0.06, 4)
     assert effect.difference.value == 0  # the stub's figure is that of the seed alone
-    with pytest.raises(ConfigError, match=r"'effrt' is not a field in which runs differ; there are effort, seed"):
-        outcome.compare("effrt", "plan dB")
-    with pytest.raises(ConfigError, match=r"'dB' is not a figure; there are plan dB"):
-        outcome.compare("effort", "dB")
+    for words, told in ((("effrt", "plan dB"), r"there are effort, seed"), (("effort", "dB"), r"there are plan dB")):
+        with pytest.raises(ConfigError, match=told):
+            outcome.compare(*words)

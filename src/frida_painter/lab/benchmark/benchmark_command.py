@@ -1,19 +1,13 @@
 """The commands of the benchmark: benchmark list, cell, judge, table, page, pictures."""
 
-import sys
-import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from frida_painter.errors import TryFailed
-from frida_painter.lab.sweeps.sweep_command import Address, EngineOption, Jobs
+from frida_painter.errors import ConfigError, TryFailed
+from frida_painter.lab.sweeps.sweep_command import Jobs
 from frida_painter.options import out_folder, whole_number_within
-from frida_painter.storage import count_of
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 _LAST_SEED = 2**31 - 1
 _DEFAULT_OUT = Path("benchmark")
@@ -90,8 +84,8 @@ def register(app: typer.Typer) -> None:
 
 def list_suite() -> None:
     """List the pictures, goals, budgets, seeds and entrants of the suite."""
-    from frida_painter.lab.benchmark.cell import ENTRANTS
     from frida_painter.lab.benchmark.suite import BUDGETS, GOALS, PICTURES, SEEDS, VERSION, suite_digest
+    from frida_painter.lab.benchmark.table import ENTRANTS
 
     print(f"Suite     {VERSION}, {suite_digest()[:12]}")
     print(f"Pictures  {', '.join(PICTURES)}")
@@ -112,8 +106,8 @@ def pictures(
 ) -> None:
     """Write the pictures of the suite, and the canvas of each, for a system that is to be entered."""
     from frida_painter import images
-    from frida_painter.lab.benchmark.cell import INPUTS
     from frida_painter.lab.benchmark.suite import PICTURES, find_goal
+    from frida_painter.lab.benchmark.table import INPUTS
 
     chosen = names or list(PICTURES)
     for name in [f"{one}~{held_out}" for one in chosen] if held_out is not None else chosen:
@@ -136,7 +130,7 @@ def judge(
     out: Out = _DEFAULT_OUT,
 ) -> None:
     """Paint strokes of another system in the virtual studio, and judge the painting."""
-    _paint_one(name, picture, budget, seed, out, str(strokes.absolute()), cpu_seconds)
+    _paint_one((), picture, budget, seed, out, {name: str(strokes.absolute())}, cpu_seconds)
 
 
 def cell(
@@ -147,7 +141,7 @@ def cell(
     out: Out = _DEFAULT_OUT,
 ) -> None:
     """Paint and judge one cell of the table; takes minutes. A cell that is done is only shown."""
-    _paint_one(entrant, picture, strokes, seed, out, None, None)
+    _paint_one((entrant,), picture, strokes, seed, out, {}, None)
 
 
 def table(
@@ -157,63 +151,73 @@ def table(
     seeds: Seeds = None,
     hand_in: HandIns = None,
     out: Out = _DEFAULT_OUT,
-    address: Address = None,
     jobs: Jobs = None,
-    engine: EngineOption = None,
 ) -> None:
-    """Paint and judge all cells that are not done, in several processes or on a Ray cluster; write table and page.
+    """Paint and judge all cells that are not done, in several processes; write table and page.
 
     After an interruption, or with more pictures, entrants or seeds, run the same command again.
     """
-    from frida_painter.lab.benchmark.cell import ENTRANTS
-    from frida_painter.lab.benchmark.result_table import PAGE, TableRequest, markdown, run_table
     from frida_painter.lab.benchmark.suite import PICTURES, SEEDS
-    from frida_painter.session.time_left import duration
+    from frida_painter.lab.benchmark.table import ENTRANTS, BenchmarkTable, write_page
+    from frida_painter.lab.commands import conduct
 
-    request = TableRequest(
-        tuple(entrants or ENTRANTS),
-        tuple(pictures or PICTURES),
-        tuple(strokes),
-        tuple(seeds or SEEDS),
-        {name: str(folder.absolute()) for name, folder in hand_in or ()},
+    folders = {name: folder.absolute() for name, folder in hand_in or ()}
+    for folder in folders.values():
+        if not folder.is_dir():
+            raise ConfigError(f"{folder} is no folder of hand-ins; it holds files such as cat-100.svg.")
+    asked = BenchmarkTable(
+        folder=out.absolute(),
+        entrants=tuple(entrants or ENTRANTS),
+        goals=tuple(pictures or PICTURES),
+        budgets=tuple(strokes),
+        seeds=tuple(seeds or SEEDS),
+        hand_ins={name: str(folder) for name, folder in folders.items()},
     )
-    started = time.monotonic()
-
-    def tell(done: int, of: int) -> None:
-        print(f"{done} of {of} cells after {duration(time.monotonic() - started)}", file=sys.stderr, flush=True)
-
-    outcome = run_table(request, out, engine=engine, address=address, jobs=jobs, notify=tell)
-    print(markdown(outcome))
-    print(f"  Page  {outcome.folder / PAGE}")
-    if outcome.failures:
-        name, first = next(iter(outcome.failures.items()))
-        raise TryFailed(f"{count_of(len(outcome.failures), 'cell')} failed; the first is {name}: {first}")
+    assert asked.all_runs  # whatever is wrong is told before anything is written
+    asked.write_request()
+    try:
+        outcome = conduct(asked, asked.folder, jobs, stays=True)
+    except TryFailed:
+        page(out)
+        raise
+    print("\n".join(one.markdown() for one in outcome.tables))
+    print(f"  Page  {write_page(outcome, asked.folder)}")
 
 
 def page(out: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of a table.")] = _DEFAULT_OUT) -> None:
     """Write the page of a table again, with all cells that are done by now."""
-    from frida_painter.lab.benchmark.result_table import markdown, read_table, write_page
+    from frida_painter.lab.benchmark.table import read_table, write_page
 
-    outcome = read_table(out)
-    print(markdown(outcome))
-    print(f"  Page  {write_page(outcome)}")
+    known = read_table(out)
+    outcome = known.report(known.finished(known.folder))
+    outcome.save(known.folder)
+    print("\n".join(one.markdown() for one in outcome.tables))
+    print(f"  Page  {write_page(outcome, known.folder)}")
 
 
 def _paint_one(
-    entrant: str, picture: str, strokes: int, seed: int, out: Path, hand_in: str | None, cpu_seconds: float | None
+    entrants: tuple[str, ...],
+    picture: str,
+    strokes: int,
+    seed: int,
+    out: Path,
+    hand_ins: dict[str, str],
+    cpu_seconds: float | None,
 ) -> None:
     """Paints and judges one cell, and prints its figures."""
     from frida_painter.devices import prepare_process
-    from frida_painter.lab.benchmark.cell import BenchmarkCell, CellAssignment, perform_cell
-    from frida_painter.provenance import identify_here
+    from frida_painter.lab.benchmark.table import BenchmarkTable
+    from frida_painter.lab.experiment import silent
 
     prepare_process()
-    asked = BenchmarkCell(entrant, picture, strokes, seed, hand_in, cpu_seconds)
-    asked.check()
-    out.mkdir(parents=True, exist_ok=True)
-    record: Mapping[str, Any] = perform_cell(CellAssignment(asked, str(out.absolute()), identify_here()))
-    for name, value in record["figures"].items():
+    asked = BenchmarkTable(
+        folder=out.absolute(), entrants=entrants, goals=(picture,), budgets=(strokes,), seeds=(seed,),
+        hand_ins=hand_ins, cpu_seconds=cpu_seconds,
+    )  # fmt: skip
+    (run,) = asked.all_runs
+    found = asked.measure_or_load(run, asked.folder, silent)
+    for name, value in found.numbers.items():
         print(f"  {name:20} {value:.4g}")
-    for remark in record["remarks"]:
+    for remark in found.remarks:
         print(f"  {remark}")
-    print(f"  Painting  {out / 'runs' / record['key'] / 'painting.png'}")
+    print(f"  Painting  {out / 'runs' / run.key / 'painting.png'}")

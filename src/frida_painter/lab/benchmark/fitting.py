@@ -19,7 +19,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import HandInError
 from frida_painter.lab.benchmark.hand_in import Color, DrawnStroke, HandIn, Points, draw
 from frida_painter.lab.benchmark.suite import Budget
-from frida_painter.lab.sim2real import MarkSizes
+from frida_painter.lab.soft_strokes import MarkSizes
 from frida_painter.mixing.recipe import PaintSet
 from frida_painter.palette import Palette
 from frida_painter.plan import Layer, Plan

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.lab.trials import feature_distance, psnr, ssim
+from frida_painter.lab.measures import feature_distance, psnr, ssim
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 

@@ -1,30 +1,27 @@
 """The engine of a sweep: runs one function on many tasks in other processes, with retries.
 
-A failure stops no other task. Two engines have the same interface: processes of this machine, and a Ray cluster. A
-task is a small plain value; large data are in files. A system alarm in the process ends a try that takes too long;
-no code can block it.
+A failure stops no other task. A task is a small plain value; large data are in files. A system alarm in the process
+ends a try that takes too long; no code can block it.
 """
 
-import logging
 import multiprocessing
 import os
 import signal
-import socket
 import threading
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from multiprocessing import parent_process
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
-from frida_painter import python_process, registry
-from frida_painter.errors import ConfigError, FridaError, TryFailed, WorkerUnfit
+from frida_painter import python_process
+from frida_painter.errors import FridaError, TryFailed, WorkerUnfit
 
 Task = TypeVar("Task")
 Work = Callable[[Any], Any]
@@ -67,22 +64,6 @@ class Ended(Generic[Task]):
     error: Exception | None = None
 
 
-class Engine(Protocol):
-    """Engine that runs tasks."""
-
-    @property
-    def slots(self) -> int:
-        """Number of tasks at the same time."""
-        ...
-
-    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
-        """Runs `work` on every task, and yields each when it ends. Closing the iterator stops the running tasks.
-
-        A WorkerUnfit error ends its task without further tries, because they would fail too.
-        """
-        ...
-
-
 def slots_here(limits: TaskLimits, most: int | None = None) -> int:
     """Returns the number of tasks for which this machine has cores and memory, at least one.
 
@@ -115,8 +96,8 @@ def within_limits(work: Work, task: Any, limits: TaskLimits) -> Any:
         signal.setitimer(signal.ITIMER_REAL, 0)
 
 
-class LocalEngine:
-    """Engine with processes of this machine, one for each slot. They serve many tasks and end with their parent.
+class Engine:
+    """Engine of processes on this machine, one for each slot. They serve many tasks and end with their parent.
 
     slots: number of tasks at the same time
     """
@@ -129,7 +110,10 @@ class LocalEngine:
         self._workers = [_Worker(self._context) for _ in range(slots)]
 
     def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
-        """Runs `work` on every task, and yields each when it ends."""
+        """Runs `work` on every task, and yields each when it ends. Closing the iterator stops the running tasks.
+
+        A WorkerUnfit error ends its task without further tries, because they would fail too.
+        """
         self._stopping.clear()
         rest, waiting = iter(tasks), set[Future[Ended[Task]]]()
         free: SimpleQueue[_Worker] = SimpleQueue()
@@ -242,151 +226,3 @@ def _end_with_parent() -> None:
             os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
-
-
-# The engine on Ray: a cluster of this machine alone, or an existing one. Ray places, starts and repeats the tasks.
-# A run and its result are small; pictures are in the sweep's folder, which all machines of the cluster must see.
-
-_AHEAD = 2  # tasks per slot that Ray knows before they can start
-_MAX_AHEAD = 10_000
-_ANSWERING = 5.0  # seconds
-_SETTINGS = b"\x04"  # type of the first frame in HTTP/2, which Ray uses (RFC 9113, 3.4)
-_HELLO = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(3) + _SETTINGS + bytes(5)
-_OBJECTS = 100 * _MB  # bytes for values between processes; those of a sweep are small
-_SILENT = {"log_to_driver": False, "logging_level": logging.CRITICAL + 1}  # the sweep reports failures itself
-
-
-class RayEngine:
-    """Engine on Ray, from its construction to the end of `run`.
-
-    slots: number of tasks at the same time on this machine
-    address: HOST:PORT or "auto" of a cluster, whose size then decides instead of `slots`
-
-    Raises ConfigError if Ray is not installed, the address does not answer, or no machine has enough cores and
-    memory.
-    """
-
-    def __init__(self, limits: TaskLimits, slots: int, address: str | None = None) -> None:
-        registry.require("ray", "ray", "A sweep over several machines (--address)")
-        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no usage statistics are sent
-        if address is not None:
-            _show_token()
-        import ray
-        from ray.job_config import JobConfig
-
-        # Ray puts the current folder first on the path of its workers, except for a job like this one.
-        settings = {**_SILENT, "job_config": JobConfig(_client_job=True)}
-        # Otherwise Ray prints the stack of every failed try, and the last output of a lost machine.
-        ray._private.worker._worker_logs_enabled = False
-        self._limits = limits
-        if address is None:
-            with _own_signals(), python_process.isolate_children():
-                ray.init(
-                    address="local", num_cpus=slots * limits.threads, include_dashboard=False,
-                    object_store_memory=_OBJECTS, _memory=slots * limits.memory * _MB, **settings,
-                )  # fmt: skip
-            self.slots = slots
-            return
-        _require_answer(address)
-        try:
-            with _own_signals(), python_process.isolate_children():
-                ray.init(address=address, **settings)
-        except (ConnectionError, RuntimeError, ValueError) as error:
-            said = str(error).split("\n")[0][:200]
-            raise ConfigError(
-                f"The Ray cluster at {address[:80]} cannot be joined ({said}); see `ray status` there, have one "
-                "version of Ray and of Python everywhere, and on each machine the head's token (`ray get-auth-token`)."
-            ) from error
-        self.slots = sum(_room(node["Resources"], limits) for node in ray.nodes() if node["Alive"])
-        if self.slots == 0:
-            ray.shutdown()
-            raise ConfigError(
-                f"No machine of the Ray cluster at {address[:80]} has {limits.threads} cores and {limits.memory} MB "
-                "for a run; ask for less (threads, memory)."
-            )
-
-    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
-        """Runs `work` on every task, and yields each when it ends."""
-        import ray
-
-        limits, ahead = self._limits, min(_AHEAD * self.slots + 2, _MAX_AHEAD)
-        tried = ray.remote(
-            num_cpus=limits.threads,
-            memory=limits.memory * _MB,
-            max_retries=limits.tries - 1,
-            retry_exceptions=[FridaError],
-        )(within_limits)
-        rest, waiting = iter(tasks), dict[Any, Task]()
-        try:
-            while True:
-                for task in islice(rest, ahead - len(waiting)):
-                    waiting[tried.remote(work, task, limits)] = task
-                if not waiting:
-                    return
-                done, _ = ray.wait(list(waiting))
-                for reference in done:
-                    yield _end_task(waiting.pop(reference), reference, limits)
-        finally:
-            ray.shutdown()
-
-
-@contextmanager
-def _own_signals() -> Iterator[None]:
-    """Preserves this process's handler of SIGTERM; Ray's own handler prints a stack and goes on."""
-    before = signal.getsignal(signal.SIGTERM)
-    yield
-    if before is not None and threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, before)
-
-
-def _show_token() -> None:
-    """Makes Ray use its token if this machine has one, because clusters of `ray start` ask for it."""
-    place = Path(os.environ.get("RAY_AUTH_TOKEN_PATH", "~/.ray/auth_token"))
-    if "RAY_AUTH_TOKEN" in os.environ or place.expanduser().is_file():
-        os.environ.setdefault("RAY_AUTH_MODE", "token")
-
-
-def _room(resources: Mapping[str, float], limits: TaskLimits) -> int:
-    """Returns the number of tasks for which a machine with these resources has room."""
-    memory = resources.get("memory", 0.0) / (limits.memory * _MB)
-    return int(min(resources.get("CPU", 0.0) / limits.threads, memory))
-
-
-def _end_task(task: Task, reference: Any, limits: TaskLimits) -> Ended[Task]:
-    """Returns the ended task of a reference."""
-    import ray
-
-    try:
-        return Ended(task, ray.get(reference))
-    except ray.exceptions.RayTaskError as error:
-        cause = error.cause
-        return Ended(task, error=cause if isinstance(cause, FridaError) else TryFailed(str(cause)[:500]))
-    except ray.exceptions.RayError as error:
-        return Ended(task, error=TryFailed(_describe_loss(error, limits)))
-
-
-def _describe_loss(error: Exception, limits: TaskLimits) -> str:
-    said = str(error).strip().split("\n")[0][:200]
-    return (
-        f"Its process was killed: by the system for want of memory, by a person, or because the try lasted longer than "
-        f"{limits.seconds:g} s (time_limit). Ray says: {said}"
-    )
-
-
-def _require_answer(address: str) -> None:
-    """Raises ConfigError unless Ray answers at the address; Ray itself would wait for minutes."""
-    if address in ("auto", "local"):
-        return
-    host, _, port = address.removeprefix("ray://").rpartition(":")
-    try:
-        if not host or not port.isdigit():
-            raise OSError("it is not HOST:PORT")
-        with socket.create_connection((host, int(port)), timeout=_ANSWERING) as line:
-            line.sendall(_HELLO)
-            if "RAY_USE_TLS" not in os.environ and line.recv(9)[3:4] != _SETTINGS:
-                raise OSError("what listens there is no Ray")
-    except (OSError, OverflowError) as error:
-        raise ConfigError(
-            f"--address {address[:80]} does not answer ({error}); give the address that `ray start --head` named, like "
-            "192.168.1.10:6379, or leave it out for this machine."
-        ) from error

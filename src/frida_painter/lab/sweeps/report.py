@@ -1,13 +1,11 @@
-"""The pages of a sweep: progress (status.html) and results (index.html). Also its statistics and its table.
+"""What a sweep gave: its progress, its statistics, its table, and its page (index.html).
 
-The pages work from the sweep's folder without a network; their pictures are those of the runs.
+The page works from the sweep's folder without a network; its pictures are those of the runs.
 """
 
 import math
-import time
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -16,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from frida_painter import images, registry, storage
+from frida_painter.errors import ConfigError
 from frida_painter.lab.sweeps.sweep_folder import TABLE, FileHashes, SweepFolder, expand_runs
 from frida_painter.lab.sweeps.sweep_spec import SweepRun, SweepSpec, Value
 from frida_painter.report.chart import Series, chart
@@ -26,10 +25,9 @@ if TYPE_CHECKING:
     import pyarrow
 
 
-# Progress of a sweep, and the remaining time, estimated from the ended runs and the cost of the others.
+Record = Mapping[str, Any]
 
-_MIN_BETWEEN = 2.0  # seconds
-_SHARE = 0.05  # greatest share of the time for writing
+# Progress of a sweep, and the remaining time, estimated from the ended runs and the cost of the others.
 
 
 @dataclass(frozen=True)
@@ -45,23 +43,6 @@ class SweepProgress:
     failed: int
     seconds_left: float | None
     slots: int
-
-
-class Renewal:
-    """Timer of a progress display: rare enough renewals to cost little."""
-
-    def __init__(self) -> None:
-        self._next = time.monotonic() + _MIN_BETWEEN
-
-    @contextmanager
-    def where_due(self) -> Iterator[bool]:
-        """Yields True if the display should be renewed now. The duration of the block determines the next renewal."""
-        started = time.monotonic()
-        due = started >= self._next
-        yield due
-        if due:
-            now = time.monotonic()
-            self._next = now + max(_MIN_BETWEEN, (now - started) / _SHARE)
 
 
 class Tally:
@@ -95,54 +76,79 @@ class Tally:
         return SweepProgress(self._total, self._done, self._failed, seconds, self.slots)
 
 
-# Status of a sweep from its folder, during the work of another process and after it.
+# State of a sweep, folded from its folder: during the work of another process and after it.
 
 _SHOWN = 10
 
 
 @dataclass(frozen=True)
-class SweepStatus:
-    """Status of a sweep.
+class SweepState:
+    """State of a sweep.
 
-    runs: all of them
+    runs: all of them, in order
     records: results of the finished runs, by key
     failures: reasons of failed runs, by key
     working: True if a process works on it now
+    done_before: number of runs that earlier calls had finished
+    remarks: sentences for a person
     """
 
     folder: Path
     spec: SweepSpec
     runs: tuple[SweepRun, ...]
-    records: Mapping[str, Mapping[str, Any]]
-    failures: Mapping[str, Mapping[str, Any]]
+    records: Mapping[str, Record]
+    failures: Mapping[str, Record]
     progress: SweepProgress
-    working: bool
+    working: bool = False
+    done_before: int = 0
+    remarks: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
-        """Returns the status as lines for a terminal."""
+        """Returns the state as lines for a terminal."""
         told = [f"{self.spec.title or self.folder.name}: {summary(self.progress, working=self.working)}"]
         told += [f"  {describe_run(failure)}: {failure['error']}" for failure in list(self.failures.values())[:_SHOWN]]
         if len(self.failures) > _SHOWN:
             told.append(f"  and {len(self.failures) - _SHOWN} more that failed")
         return told
 
+    def table(self) -> list[dict[str, Any]]:
+        """Returns a row of plain values for each run that ended, as in table.parquet; `pandas.DataFrame` takes it."""
+        ended = (self.records.get(run.key) or self.failures.get(run.key) for run in self.runs)
+        return [flat(record) for record in ended if record is not None]
 
-def status_of(folder: Path) -> SweepStatus:
-    """Returns the status of the sweep in a folder. Raises ConfigError if there is none."""
+    def compare(self, field: str, figure: str) -> "tuple[FieldEffect, ...]":
+        """Returns the effect of a field on a figure, as the report tells it: paired runs, intervals, Holm's method.
+
+        Raises ConfigError if runs do not differ in that field, or if none has that figure.
+        """
+        done = [(run.labels, self.records[run.key]["figures"]) for run in self.runs if run.key in self.records]
+        fields, figures = {name for labels, _ in done for name in labels}, {name for _, all_ in done for name in all_}
+        for name, known, what in ((field, fields, "a field in which runs differ"), (figure, figures, "a figure")):
+            if name not in known:
+                raise ConfigError(f"{name[:40]!r} is not {what}; there are {', '.join(sorted(known)) or 'none'}.")
+        results = [Result(labels, found[figure]) for labels, found in done if figure in found]
+        return paired_tests(results, [field])
+
+
+def read_state(folder: Path) -> SweepState:
+    """Returns the state of the sweep in a folder. Raises ConfigError if there is none."""
     place = SweepFolder(folder)
     spec, known, slots = place.read_request()
-    runs = expand_runs(spec, FileHashes(known, reread=False), place.read_program())
-    tally, records, failures = Tally(runs, slots), dict[str, Any](), dict[str, Any]()
+    return fold(place, spec, expand_runs(spec, FileHashes(known, reread=False), place.read_program()), slots)
+
+
+def fold(place: SweepFolder, spec: SweepSpec, runs: tuple[SweepRun, ...], slots: int) -> SweepState:
+    """Returns the state of these runs. slots: number of runs at the same time."""
+    tally, records, failures = Tally(runs, slots), dict[str, Record](), dict[str, Record]()
     for run in runs:
         kept = place.run(run.key)
-        record = kept.record()
-        if record is not None:
-            records[run.key] = {**record, "labels": dict(run.labels)}
+        if (record := kept.record()) is not None:
+            records[run.key] = {**record, "labels": dict(run.labels)}  # it may have been done for another sweep
             tally.count_done(run, record)
         elif (failure := kept.failure()) is not None:
             failures[run.key] = failure
             tally.count_failed(run)
-    return SweepStatus(place.path, spec, runs, records, failures, tally.progress, place.is_held)
+    return SweepState(place.path, spec, runs, records, failures, tally.progress, place.is_held)
 
 
 def summary(progress: SweepProgress, *, working: bool) -> str:
@@ -281,7 +287,7 @@ def _test(results: Sequence[Result], field: str, first: Value, second: Value) ->
     )  # fmt: skip
 
 
-STATUS_PAGE, REPORT_PAGE = "status.html", "index.html"
+REPORT_PAGE = "index.html"
 _FIGURES = {
     "plan": ("plan dB", "loss of the plan"),
     "painting": ("painting dB", "sim2real error"),
@@ -302,61 +308,52 @@ class _Picture:
     caption: str
 
 
-def write_status_page(status: SweepStatus) -> Path:
-    """Writes the status page, which reloads itself while the sweep is at work. Raises StorageError."""
-    path = status.folder / STATUS_PAGE
-    storage.write_text(path, _page(status, [], [], (), ""))
-    return path
-
-
-def write_report(status: SweepStatus) -> Path:
+def write_report(state: SweepState) -> Path:
     """Writes the results: contact sheet, curves with confidence intervals, paired tests. Raises StorageError."""
-    figure = figure_of(status)
-    results = [] if figure is None else results_of(status, figure)
-    varied = [name for name in status.spec.axes if len({repr(run.labels.get(name)) for run in status.runs}) > 1]
-    charts = [] if figure is None else _charts(status, results, varied, figure)
+    figure = figure_of(state)
+    results = [] if figure is None else results_of(state, figure)
+    varied = [name for name in state.spec.axes if len({repr(run.labels.get(name)) for run in state.runs}) > 1]
+    charts = [] if figure is None else _charts(state, results, varied, figure)
     tests = paired_tests(results, [name for name in varied if name != _SEED])
-    path = status.folder / REPORT_PAGE
-    storage.write_text(path, _page(status, _contact_sheet(status, varied, figure), charts, tests, figure or ""))
+    path = state.folder / REPORT_PAGE
+    storage.write_text(path, _page(state, _contact_sheet(state, varied, figure), charts, tests, figure or ""))
     return path
 
 
-def figure_of(status: SweepStatus) -> str | None:
+def figure_of(state: SweepState) -> str | None:
     """Returns the figure by which the runs are compared; None if no run has one."""
-    known = {name for record in status.records.values() for name in record["figures"]}
-    return next((name for name in _FIGURES[status.spec.kind] if name in known), None)
+    known = {name for record in state.records.values() for name in record["figures"]}
+    return next((name for name in _FIGURES[state.spec.kind] if name in known), None)
 
 
-def results_of(status: SweepStatus, figure: str) -> list[Result]:
+def results_of(state: SweepState, figure: str) -> list[Result]:
     """Returns that figure of the runs that have it."""
     return [
-        Result(run.labels, status.records[run.key]["figures"][figure])
-        for run in status.runs
-        if figure in status.records.get(run.key, {}).get("figures", {})
+        Result(run.labels, state.records[run.key]["figures"][figure])
+        for run in state.runs
+        if figure in state.records.get(run.key, {}).get("figures", {})
     ]
 
 
 def _page(
-    status: SweepStatus, pictures: Sequence[_Picture], charts: Sequence[str], tests: Sequence[FieldEffect], figure: str
+    state: SweepState, pictures: Sequence[_Picture], charts: Sequence[str], tests: Sequence[FieldEffect], figure: str
 ) -> str:
-    progress = status.progress
-    failures = [(describe_run(failure), failure["error"]) for failure in status.failures.values()]
-    seconds = sum(record["times"]["cpu_seconds"] for record in status.records.values())
-    facts: list[tuple[str, str]] = [("Kind of run", status.spec.kind)]
-    for name in status.spec.axes:
-        values = dict.fromkeys(run.labels.get(name) for run in status.runs)
+    progress = state.progress
+    failures = [(describe_run(failure), failure["error"]) for failure in state.failures.values()]
+    seconds = sum(record["times"]["cpu_seconds"] for record in state.records.values())
+    facts: list[tuple[str, str]] = [("Kind of run", state.spec.kind)]
+    for name in state.spec.axes:
+        values = dict.fromkeys(run.labels.get(name) for run in state.runs)
         facts.append((name, ", ".join(map(_format_value, values))))
     facts.append(("CPU time", duration(seconds)))
     html = template("sweep.html").render(
-        title=status.spec.title or status.folder.name,
-        summary=summary(progress, working=status.working),
-        working=status.working,
-        share=(progress.done + progress.failed) / max(progress.total, 1),
+        title=state.spec.title or state.folder.name,
+        summary=summary(progress, working=state.working),
         facts=[(name, value if len(value) <= 400 else f"{value[:397]}...") for name, value in facts],
         failures=failures[:_MAX_FAILURES],
         more_failures=max(0, len(failures) - _MAX_FAILURES),
         pictures=pictures,
-        left_out=max(0, len(status.records) - len(pictures)) if pictures else 0,
+        left_out=max(0, len(state.records) - len(pictures)) if pictures else 0,
         charts=charts,
         tests=[_row(test) for test in tests],
         figure=figure,
@@ -364,19 +361,19 @@ def _page(
     return html.encode("utf-8", "replace").decode("utf-8")
 
 
-def _contact_sheet(status: SweepStatus, varied: Sequence[str], figure: str | None) -> list[_Picture]:
+def _contact_sheet(state: SweepState, varied: Sequence[str], figure: str | None) -> list[_Picture]:
     """Returns the pictures of the runs in order; an even selection of very many."""
-    done = [run for run in status.runs if run.key in status.records]
-    name = "plan.png" if status.spec.kind == "plan" else "painting.png"
+    done = [run for run in state.runs if run.key in state.records]
+    name = "plan.png" if state.spec.kind == "plan" else "painting.png"
     found = []
     for run in done[:: -(-len(done) // _MAX_PICTURES) or 1]:
-        value = status.records[run.key]["figures"].get(figure)
+        value = state.records[run.key]["figures"].get(figure)
         told = "" if value is None else f": {value:.4g}"
         found.append(_Picture(f"runs/{run.key}/{name}", f"{_words(run, varied)}{told}"))
     return found
 
 
-def _charts(status: SweepStatus, results: Sequence[Result], varied: Sequence[str], figure: str) -> list[str]:
+def _charts(state: SweepState, results: Sequence[Result], varied: Sequence[str], figure: str) -> list[str]:
     """Writes a chart for every varied numeric field; returns the file names.
 
     A chart has a line for each value of another varied field with few values, if there is one.
@@ -395,7 +392,7 @@ def _charts(status: SweepStatus, results: Sequence[Result], varied: Sequence[str
             f"{figure} by {field}", field, f"{figure}; bars: 95 % confidence of the mean", lines, logarithmic=above
         )
         name = f"chart-{number}.png"
-        images.save(picture, status.folder / name)
+        images.save(picture, state.folder / name)
         made.append(name)
     return made
 
@@ -436,22 +433,12 @@ def _format_value(value: Value) -> str:
 # varied fields by their names, "set NAME" for the other settings, figures, times, versions.
 
 
-class TableWriter:
-    """Writer of the table of a sweep; without pyarrow it writes none, and has a remark."""
-
-    def __init__(self, folder: Path) -> None:
-        self._path = folder / TABLE
-        self._installed = registry.is_installed("pyarrow")
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """Remarks about the table for a person."""
-        return () if self._installed else (registry.advice("table", "The table of results (Parquet)") + ".",)
-
-    def write(self, records: Iterable[Mapping[str, Any]]) -> None:
-        """Writes a row for each record. Raises StorageError."""
-        if self._installed:
-            write_table(self._path, [flat(record) for record in records])
+def keep_table(state: SweepState) -> tuple[str, ...]:
+    """Writes the table of a sweep; returns a remark instead if pyarrow is not installed. Raises StorageError."""
+    if not registry.is_installed("pyarrow"):
+        return (registry.advice("table", "The table of results (Parquet)") + ".",)
+    write_table(state.folder / TABLE, state.table())
+    return ()
 
 
 def flat(record: Mapping[str, Any]) -> dict[str, Any]:

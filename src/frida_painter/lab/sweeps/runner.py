@@ -4,9 +4,9 @@ import math
 import platform
 import re
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -14,23 +14,12 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from frida_painter import images, registry
+from frida_painter import images
 from frida_painter.errors import ConfigError, PlanError, StorageError, WorkerUnfit
-from frida_painter.lab.sweeps.engine import Engine, LocalEngine, RayEngine, TaskLimits, slots_here
-from frida_painter.lab.sweeps.report import (
-    FieldEffect,
-    Renewal,
-    Result,
-    SweepProgress,
-    SweepStatus,
-    TableWriter,
-    Tally,
-    flat,
-    paired_tests,
-    write_status_page,
-)
+from frida_painter.lab.sweeps.engine import Engine, TaskLimits, slots_here
+from frida_painter.lab.sweeps.report import Record, SweepProgress, SweepState, Tally, fold, keep_table
 from frida_painter.lab.sweeps.sweep_folder import FileHashes, RunFolder, SweepFolder, expand_runs
-from frida_painter.lab.sweeps.sweep_spec import EngineName, SweepRun, SweepSpec
+from frida_painter.lab.sweeps.sweep_spec import SweepRun, SweepSpec
 from frida_painter.plan import Plan
 from frida_painter.provenance import describe_here, identify
 from frida_painter.runs.painting_folder import hash_files
@@ -44,7 +33,7 @@ from frida_painter.runs.spec import RunSpec
 
 @dataclass(frozen=True)
 class Assignment:
-    """Run with the folder of its sweep; every machine that works on it must see the folder under this path."""
+    """Run with the folder of its sweep."""
 
     run: SweepRun
     sweep: str
@@ -54,20 +43,14 @@ def perform(assignment: Assignment) -> dict[str, Any]:
     """Does a run, and returns its record, which is also in its folder. A run that is already done is only read.
 
     A lock on the folder keeps a process that a dead driver left behind from doing the same run.
-    Raises WorkerUnfit if this machine has another version of the program or does not see the folder, StorageError
-    if nothing can be written, and the errors of the run.
+    Raises WorkerUnfit if the program has changed since the sweep began, StorageError if nothing can be written, and
+    the errors of the run.
     """
     run, sweep = assignment.run, Path(assignment.sweep)
     made_with = describe_here()
     here = identify(made_with)
     if here != run.program:
-        raise WorkerUnfit(
-            f"{platform.node()} has {here}, and the sweep was begun with {run.program}; install one version everywhere."
-        )
-    if not sweep.is_dir():
-        raise WorkerUnfit(
-            f"{platform.node()} does not see {sweep}; put the sweep into a folder that all machines share (--out)."
-        )
+        raise WorkerUnfit(f"This is {here}, and the sweep was begun with {run.program}; run it again with one of them.")
     folder = RunFolder(sweep, run.key)
     with folder.lock():
         known = folder.record()
@@ -157,45 +140,6 @@ def psnr(picture: Tensor, target: Tensor) -> float:
 MANY = 10_000
 """Number of runs above which a person is asked first."""
 
-Record = Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class SweepOutcome:
-    """Outcome of a sweep.
-
-    runs: all of them, in order
-    records: of the finished runs, by key
-    failures: reasons of failed runs, by key
-    done_before: number of runs that earlier calls had finished
-    """
-
-    folder: Path
-    runs: tuple[SweepRun, ...]
-    records: Mapping[str, Record]
-    failures: Mapping[str, Record]
-    done_before: int = 0
-    remarks: tuple[str, ...] = ()
-
-    def table(self) -> list[dict[str, Any]]:
-        """Returns a row of plain values for each run that ended, as in table.parquet; `pandas.DataFrame` takes it."""
-        ended = (self.records.get(run.key) or self.failures.get(run.key) for run in self.runs)
-        return [flat(record) for record in ended if record is not None]
-
-    def compare(self, field: str, figure: str) -> tuple[FieldEffect, ...]:
-        """Returns the effect of a field on a figure, as the report tells it: paired runs, intervals, Holm's method.
-
-        Raises ConfigError if runs do not differ in that field, or if none has that figure.
-        """
-        done = [(run.labels, self.records[run.key]["figures"]) for run in self.runs if run.key in self.records]
-        fields, figures = {name for labels, _ in done for name in labels}, {name for _, all_ in done for name in all_}
-        for name, known, what in ((field, fields, "a field in which runs differ"), (figure, figures, "a figure")):
-            if name not in known:
-                raise ConfigError(f"{name[:40]!r} is not {what}; there are {', '.join(sorted(known)) or 'none'}.")
-        results = [Result(labels, found[figure]) for labels, found in done if figure in found]
-        return paired_tests(results, [field])
-
-
 Notify = Callable[[SweepProgress], None]
 
 
@@ -203,19 +147,15 @@ def sweep(
     what: str | Path | SweepSpec | Mapping[str, Any],
     folder: str | Path | None = None,
     *,
-    engine: EngineName | None = None,
-    address: str | None = None,
     jobs: int | None = None,
     notify: Notify = lambda progress: None,
     most: int | None = MANY,
-) -> SweepOutcome:
+) -> SweepState:
     """Does all runs of a sweep that are not done yet, and returns the outcome of all.
 
     what: TOML file, or the same as a mapping, such as {"kind": "plan", "grid": {"image": ["a.jpg"], "seed": [0,
         1]}}
     folder: of the sweep, by default one below "sweeps"; the same one again continues the sweep
-    engine: by default Ray if it is installed, otherwise processes
-    address: of a Ray cluster; None for this machine
     jobs: number of runs at the same time; by default as many as cores and memory allow
     notify: hears the progress
     most: greatest number of runs; None for any
@@ -227,7 +167,7 @@ def sweep(
         >>> import frida_painter as fp
         >>> wanted = {"settings": {"image": "photo.jpg", "strokes": 5, "render_height": 64}, "grid": {"seed": [0, 1]}}
         >>> if __name__ == "__main__":  # a sweep starts processes
-        ...     outcome = fp.sweep(wanted, "seeds", engine="processes", jobs=1)
+        ...     outcome = fp.sweep(wanted, "seeds", jobs=1)
         ...     print(len(outcome.records), len(outcome.failures))
         2 0
     """
@@ -238,17 +178,68 @@ def sweep(
     with place.lock():
         hashes = FileHashes(place.read_request()[1] if place.is_begun else None)
         runs = expand_runs(spec, hashes)
-        driver = _Driver(place, spec, runs, hashes, notify)
-        opened = None
-        if driver.left:
-            opened = open_engine(limits, len(driver.left), engine=engine, address=address, jobs=jobs)
-        place.keep(spec, hashes.by_path, 1 if opened is None else opened.slots)
+        done = fold(place, spec, runs, 1).records
+        left = [run for run in runs if run.key not in done]
+        slots = max(1, min(slots_here(limits, jobs), len(left)))
+        place.keep(spec, hashes.by_path, slots)
+        failures: dict[str, Record] = {}
+        tally = Tally(runs, slots)
+        for run in runs:
+            if run.key in done:
+                tally.count_done(run, done[run.key])
+        remarks: list[str] = []
         try:
-            if opened is not None:
-                driver.lead(opened)
+            if left:
+                notify(tally.progress)
+                _lead(Engine(limits, slots), place, _copied(left, place, hashes), tally, failures, notify)
         finally:
-            driver.show(working=False)
-        return driver.outcome()
+            found = replace(fold(place, spec, runs, slots), failures=failures, working=False)
+            remarks += keep_table(found)
+        if hashes.vanished:
+            names = ", ".join(sorted(hashes.vanished))
+            remarks.insert(0, f"{names} vanished; the copy in the sweep's folder is used.")
+        return replace(found, done_before=len(done), remarks=tuple(remarks))
+
+
+def _copied(runs: Sequence[SweepRun], place: SweepFolder, hashes: FileHashes) -> list[Assignment]:
+    """Returns the runs as tasks, with copies of their pictures in the sweep's folder."""
+    paths = dict.fromkeys(path for run in runs for path in run.pictures)
+    copies = {path: str(place.copy_of(Path(path), hashes.by_path[str(Path(path).absolute())])) for path in paths}
+    return [Assignment(run.with_pictures(copies), str(place.path)) for run in runs]
+
+
+def _lead(
+    engine: Engine,
+    place: SweepFolder,
+    tasks: Sequence[Assignment],
+    tally: Tally,
+    failures: dict[str, Record],
+    notify: Notify,
+) -> None:
+    """Lets the engine do the runs, and adds to `failures` those that failed. Raises StorageError, WorkerUnfit."""
+    with closing(engine.run(perform, tasks)) as ended:
+        for one in ended:
+            if one.error is None:
+                tally.count_done(one.task.run, one.value)
+            else:
+                failures[one.task.run.key] = _keep_failure(place, one.task.run, one.error)
+                tally.count_failed(one.task.run)
+            notify(tally.progress)
+
+
+def _keep_failure(place: SweepFolder, run: SweepRun, error: Exception) -> Record:
+    """Keeps and returns why a run failed. Raises the error if no other run could be done either."""
+    if isinstance(error, WorkerUnfit):
+        raise error
+    if isinstance(error, StorageError):
+        place.require_space()
+    failure = {
+        "key": run.key, "kind": run.kind, "labels": dict(run.labels), "error": str(error),
+        "times": {"ended": datetime.now(UTC).isoformat(timespec="milliseconds")}, "host": platform.node(),
+    }  # fmt: skip
+    with suppress(StorageError):  # another file is in place of its folder; the other runs go on
+        place.run(run.key).keep_failure(failure)
+    return failure
 
 
 def refuse_many(spec: SweepSpec, most: int | None) -> None:
@@ -262,121 +253,10 @@ def default_folder(spec: SweepSpec) -> Path:
     return Path("sweeps") / (re.sub(r"[^\w.]+", "-", spec.title).strip("-.") or "sweep")
 
 
-def open_engine(
-    limits: TaskLimits,
-    tasks: int,
-    *,
-    engine: EngineName | None = None,
-    address: str | None = None,
-    jobs: int | None = None,
-) -> Engine:
-    """Returns the engine for that many tasks: Ray if it is installed, otherwise processes.
-
-    jobs: greatest number of tasks at the same time
-
-    Raises ConfigError if Ray is requested but not installed, the address does not answer, or an address is given
-    for processes.
-    """
-    if address is not None and engine == "processes":
-        raise ConfigError("--address is for Ray, and --engine processes is this machine alone; leave out one of them.")
-    slots = max(1, min(slots_here(limits, jobs), tasks))
-    if address is not None or engine == "ray" or (engine is None and registry.is_installed("ray")):
-        return RayEngine(limits, slots, address)
-    return LocalEngine(limits, slots)
-
-
 def _spec_of(what: str | Path | SweepSpec | Mapping[str, Any]) -> SweepSpec:
     if isinstance(what, SweepSpec):
         return what
     return SweepSpec.of_files(dict(what), Path.cwd()) if isinstance(what, Mapping) else SweepSpec.from_toml(Path(what))
-
-
-class _Driver:
-    """Driver of a sweep: sends the remaining runs to an engine, and records the results."""
-
-    def __init__(
-        self, place: SweepFolder, spec: SweepSpec, runs: tuple[SweepRun, ...], hashes: FileHashes, notify: Notify
-    ) -> None:
-        self._place, self._spec, self._runs, self._hashes, self._notify = place, spec, runs, hashes, notify
-        self._records: dict[str, Record] = {}
-        self._failures: dict[str, Record] = {}
-        self._table = TableWriter(place.path)
-        self._renewal = Renewal()
-        self._tally = Tally(runs, 1)
-        for run in runs:
-            record = place.run(run.key).record()
-            if record is not None:
-                self._take(run, record)
-        self._before = len(self._records)
-
-    @property
-    def left(self) -> list[SweepRun]:
-        """Runs that are not done."""
-        return [run for run in self._runs if run.key not in self._records]
-
-    def lead(self, engine: Engine) -> None:
-        """Lets the engine do the remaining runs. Raises StorageError, WorkerUnfit."""
-        self._tally.slots = engine.slots
-        self._notify(self._tally.progress)
-        copies = self._copies(self.left)
-        tasks = [Assignment(run.with_pictures(copies), str(self._place.path)) for run in self.left]
-        with closing(engine.run(perform, tasks)) as ended:
-            for one in ended:
-                if one.error is None:
-                    self._take(one.task.run, one.value)
-                else:
-                    self._note_failure(one.task.run, one.error)
-                with self._renewal.where_due() as due:
-                    if due:
-                        self.show(working=True)
-                self._notify(self._tally.progress)
-
-    def show(self, *, working: bool) -> None:
-        """Writes table and page. Raises StorageError."""
-        ended = (self._records.get(run.key) or self._failures.get(run.key) for run in self._runs)
-        self._table.write(record for record in ended if record is not None)
-        write_status_page(
-            SweepStatus(
-                self._place.path, self._spec, self._runs, self._records, self._failures, self._tally.progress, working
-            )
-        )
-
-    def outcome(self) -> SweepOutcome:
-        """Returns the outcome."""
-        vanished = self._hashes.vanished
-        names = ", ".join(sorted(vanished))
-        remarks = [f"{names} vanished; the copy in the sweep's folder is used."] if vanished else []
-        return SweepOutcome(
-            self._place.path, self._runs, self._records, self._failures, self._before,
-            (*remarks, *self._table.remarks),
-        )  # fmt: skip
-
-    def _take(self, run: SweepRun, record: Record) -> None:
-        # Current labels: the run may have been done for another sweep in this folder.
-        self._records[run.key] = {**record, "labels": dict(run.labels)}
-        self._tally.count_done(run, record)
-
-    def _note_failure(self, run: SweepRun, error: Exception) -> None:
-        if isinstance(error, WorkerUnfit):
-            raise error
-        if isinstance(error, StorageError):
-            self._place.require_space()
-        failure = {
-            "key": run.key, "kind": run.kind, "labels": dict(run.labels), "error": str(error),
-            "times": {"ended": datetime.now(UTC).isoformat(timespec="milliseconds")}, "host": platform.node(),
-        }  # fmt: skip
-        with suppress(StorageError):  # another file is in place of its folder; the other runs go on
-            self._place.run(run.key).keep_failure(failure)
-        self._failures[run.key] = failure
-        self._tally.count_failed(run)
-
-    def _copies(self, runs: Iterable[SweepRun]) -> dict[str, str]:
-        """Returns copies of the pictures by their paths."""
-        paths = dict.fromkeys(path for run in runs for path in run.pictures)
-        return {
-            path: str(self._place.copy_of(Path(path), self._hashes.by_path[str(Path(path).absolute())]))
-            for path in paths
-        }
 
 
 # The best of several plans with different seeds: a small sweep before a painting.
@@ -405,7 +285,7 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None 
     settings = SweepRun.settings_of(spec)
     seeds = [seed for seed in range(spec.seed, spec.seed + count) if seed <= _LAST_SEED]
     asked = SweepSpec.of(title="candidates", kind="plan", settings=settings, grid={"seed": seeds})
-    outcome = sweep(asked, folder, engine="processes", jobs=jobs, notify=notify)
+    outcome = sweep(asked, folder, jobs=jobs, notify=notify)
     if not outcome.records:
         first = next(iter(outcome.failures.values()))
         raise PlanError(f"None of the {count} seeds made a plan: {first['error']}")

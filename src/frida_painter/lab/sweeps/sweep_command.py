@@ -11,7 +11,6 @@ import typer
 from typer.core import TyperGroup
 
 from frida_painter.errors import Interrupted, TryFailed
-from frida_painter.lab.sweeps.sweep_spec import EngineName
 from frida_painter.options import out_folder, whole_number_within
 from frida_painter.storage import count_of
 
@@ -34,13 +33,6 @@ Out = Annotated[
         help="The folder of the sweep. The same one continues it. [dim]sweeps/NAME[/]",
     ),
 ]
-Address = Annotated[
-    str | None,
-    typer.Option(
-        metavar="HOST:PORT",
-        help="The address of a Ray cluster that does the runs, or auto for one on this machine. [dim]this machine[/]",
-    ),
-]
 Jobs = Annotated[
     int | None,
     typer.Option(
@@ -48,10 +40,6 @@ Jobs = Annotated[
         metavar="N",
         help="Number of runs at the same time. [dim]as many as there are cores and memory for[/]",
     ),
-]
-EngineOption = Annotated[
-    EngineName | None,
-    typer.Option("--engine", help="What does the runs. [dim]ray if it is installed, otherwise processes[/]"),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a very large sweep.")]
 _RUN = "run"
@@ -83,9 +71,7 @@ def register(app: typer.Typer) -> None:
 def run(
     file: SweepFile,
     out: Out = None,
-    address: Address = None,
     jobs: Jobs = None,
-    engine: EngineOption = None,
     yes: Yes = False,
 ) -> None:
     """Do all runs of a sweep file that are not done yet: `sweep FILE` is short for `sweep run FILE`.
@@ -108,15 +94,7 @@ def run(
     folder = out or default_folder(spec)
     started = time.monotonic()
     with _sweep_line(Console(stderr=True, highlight=False)) as line:
-        outcome = sweep(
-            spec,
-            folder,
-            engine=engine,
-            address=address,
-            jobs=jobs,
-            notify=line.hear,
-            most=None,
-        )
+        outcome = sweep(spec, folder, jobs=jobs, notify=line.hear, most=None)
     new = len(outcome.records) - outcome.done_before
     print(
         f"{count_of(len(outcome.records), 'run')} of {len(outcome.runs)} done"
@@ -135,23 +113,18 @@ def run(
 
 
 def status(folder: FolderOfSweep) -> None:
-    """Show how far a sweep is, how long it still takes and which runs failed; also as a page."""
-    from frida_painter.lab.sweeps.report import status_of, write_status_page
+    """Show how far a sweep is, how long it still takes and which runs failed."""
+    from frida_painter.lab.sweeps.report import read_state
 
-    found = status_of(folder)
-    for line in found.lines():
-        print(line)
-    print(f"  Page  {write_status_page(found)}")
+    print("\n".join(read_state(folder).lines()))
 
 
 def report(folder: FolderOfSweep) -> None:
     """Write the page of a sweep: all pictures, curves with confidence intervals, and paired tests."""
-    from frida_painter.lab.sweeps.report import TableWriter, status_of, write_report
+    from frida_painter.lab.sweeps.report import keep_table, read_state, write_report
 
-    found = status_of(folder)
-    table = TableWriter(found.folder)
-    table.write([*found.records.values(), *found.failures.values()])
-    for remark in table.remarks:
+    found = read_state(folder)
+    for remark in keep_table(found):
         print(remark, file=sys.stderr)
     print(f"{found.lines()[0]}\n  Page  {write_report(found)}")
 

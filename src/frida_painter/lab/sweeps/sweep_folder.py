@@ -6,7 +6,7 @@
 | inputs/ | copies of the pictures, named by their content, in case the originals vanish |
 | runs/KEY/ | one run: result.json if it is done, failure.json if its last try failed, plan and pictures |
 | table.parquet | all results; it can be made again from the runs |
-| status.html, index.html | the pages of `sweep status` and `sweep report` |
+| index.html | the page of `sweep report` |
 """
 
 import contextlib
@@ -186,15 +186,10 @@ class RunFolder:
 
 
 class SweepFolder:
-    """Folder of a sweep, or of other work that is divided into runs.
+    """Folder of a sweep."""
 
-    request: name of the file with the request; a folder with it is begun
-    parts: names of folders that may be there before it is begun
-    """
-
-    def __init__(self, path: Path, request: str = SWEEP, parts: tuple[str, ...] = ()) -> None:
+    def __init__(self, path: Path) -> None:
         self.path = path.absolute()
-        self._request, self._parts = request, parts
 
     def run(self, key: str) -> RunFolder:
         """Returns the folder of a run."""
@@ -226,14 +221,14 @@ class SweepFolder:
         """True if the folder holds more than the lock and what a killed process left. Raises StorageError."""
         try:
             there = {one.name for one in self.path.iterdir()} if self.path.exists() else set()
-            return bool(there - {_LOCK, *self._parts, *(one.name for one in self.path.glob(f"{storage.PART}*"))})
+            return bool(there - {_LOCK, *(one.name for one in self.path.glob(f"{storage.PART}*"))})
         except OSError as error:
             raise storage.cannot_write(self.path, error) from error
 
     @property
     def is_begun(self) -> bool:
         """True if the folder contains a sweep."""
-        return (self.path / self._request).exists()
+        return (self.path / SWEEP).exists()
 
     @property
     def is_held(self) -> bool:

@@ -42,7 +42,6 @@ _ALLOWED = {
     "tries": f"a whole number from 1 to {_TRIES}",
 }
 
-EngineName = Literal["ray", "processes"]
 Fields = Mapping[str, Any]
 """Fields of a run: those of RunSpec, `plan`, and the name of any kind of goal with one thing to paint."""
 

@@ -1,0 +1,71 @@
+"""What the benchmarks share: an experiment that a clock measures, and what a planner works on."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import median
+from typing import ClassVar
+
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.brush.table import StrokeTable, cached_table
+from frida_painter.brush.weights import load_stroke_model
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
+from frida_painter.lab.experiment import Experiment, Value
+from frida_painter.lab.targets import load_shipped_targets
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.interpretation import prepare
+from frida_painter.objectives.objective import Goal
+from frida_painter.planning.problem import PlanningProblem
+
+CANVAS = CanvasSize(0.3556, 0.2794)
+COLORS = 12
+
+
+@dataclass(frozen=True, kw_only=True)
+class Benchmark(Experiment):
+    """Experiment whose runs are measured by a clock, one after another, on a machine that does nothing else.
+
+    TEXT: what its part of docs/benchmarks.md says beside the tables
+    ELSEWHERE: True if it needs another machine than the others
+    """
+
+    TEXT: ClassVar[str]
+    ELSEWHERE: ClassVar[bool] = False
+
+    def settings(self) -> dict[str, Value]:
+        return {"brush": self.brush}
+
+
+def cpu_seconds(work: Callable[[], object]) -> float:
+    """CPU seconds that this process spends on the work, in all its threads."""
+    start = time.process_time()
+    work()
+    return time.process_time() - start
+
+
+def median_seconds(work: Callable[[], object], repeats: int) -> float:
+    """The median of several times; the first turn only warms up."""
+    return median([cpu_seconds(work) for _ in range(repeats + 1)][1:])
+
+
+def photograph(name: str) -> Tensor:
+    """One of the project's photographs as sRGB [3, H, W] in [0, 1]."""
+    return load_shipped_targets([name])[0].picture
+
+
+def blank_problem(picture: Tensor, size: CanvasSize, rows: int, model: StrokeTable) -> tuple[PlanningProblem, Tensor]:
+    """A bare white canvas of that many rows on which the picture is wanted, and the picture fitted to it."""
+    grid = PixelGrid.of_height(size, rows)
+    objective = prepare(Goal((ImageTerm(picture),)), grid)
+    canvas = torch.ones(3, grid.rows, grid.columns)
+    problem = PlanningProblem(canvas, size, model, objective, objective_on_rows=objective.on_rows)
+    return problem, images.fit(picture, grid.rows, grid.columns)
+
+
+def broad_brush() -> StrokeTable:
+    """The stroke model of the shipped broad brush, as the planner uses it."""
+    return cached_table(load_stroke_model("broad"))

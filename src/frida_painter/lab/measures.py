@@ -1,0 +1,157 @@
+"""Measures of the distance between a painting and its goal that its planner did not optimise."""
+
+import cv2
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+from scipy.optimize import linear_sum_assignment
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter import images
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.base import Seer
+from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.semantic_loss import Views
+from frida_painter.objectives.style_flow import directions
+from frida_painter.strokes import Strokes
+
+# The windows of SSIM (Wang et al. 2004): Gaussian, of 11 pixels; the border of a picture has none.
+_SIGMA, _RADIUS = 1.5, 5  # pixels
+_MEAN_FLOOR, _CONTRAST_FLOOR = 0.01**2, 0.03**2  # (K L)^2 as published, for the range L = 1
+_ROWS = 256  # of the pictures in which edges are detected
+_BLUR = 1.6  # its pixels
+_LOW, _HIGH = 40, 100  # of 255: slopes at which Canny's edges continue and start
+_TOLERANCE = 0.015  # of the picture's diagonal
+_AREA = 12  # its pixels: half the width over which a composition's edges are measured
+_VIEWS = 6
+
+
+def mse(picture: Tensor, target: Tensor) -> float:
+    """Returns the mean squared difference of two pictures [3, H, W] in [0, 1]."""
+    return float((picture - target).square().mean())
+
+
+def psnr(picture: Tensor, target: Tensor) -> float:
+    """Returns the peak signal-to-noise ratio of two pictures [3, H, W] in [0, 1], in dB."""
+    return -10 * float((picture - target).square().mean().clamp(min=1e-12).log10())
+
+
+def ssim(picture: Tensor, target: Tensor) -> float:
+    """Returns the structural similarity of two pictures [3, H, W] in [0, 1], mean over channels and windows.
+
+    The windows are Gaussian, as published (Wang et al. 2004).
+    """
+    one, other = (each.detach().double().numpy() for each in (picture, target))
+
+    def smooth(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(gaussian_filter(values, (0, _SIGMA, _SIGMA), radius=(0, _RADIUS, _RADIUS)), np.float64)
+
+    mean, its_mean = smooth(one), smooth(other)
+    variances = smooth(one**2) - mean**2 + smooth(other**2) - its_mean**2
+    covariance = smooth(one * other) - mean * its_mean
+    found = (2 * mean * its_mean + _MEAN_FLOOR) * (2 * covariance + _CONTRAST_FLOOR)
+    found /= (mean**2 + its_mean**2 + _MEAN_FLOOR) * (variances + _CONTRAST_FLOOR)
+    return float(found[:, _RADIUS:-_RADIUS, _RADIUS:-_RADIUS].mean())
+
+
+@torch.no_grad()
+def feature_distance(seer: Seer, picture: Tensor, target: Tensor, side: int, seed: int = 0) -> float:
+    """Returns the mean cosine distance, in [0, 2], of a network's features, over layers, places and several views.
+
+    picture, target: [3, H, W] in [0, 1]
+    side: pixels of a view
+    """
+    views, which = Views(_VIEWS, side, seed), torch.arange(_VIEWS)
+    seen, wanted = seer.features(views.of(picture, which)), seer.features(views.of(target, which))
+    return float(np.mean([_cosine(a, b) for a, b in zip(seen, wanted, strict=True)]))
+
+
+@torch.no_grad()
+def perceptual_distance(vgg: Vgg16, picture: Tensor, target: Tensor) -> float:
+    """Returns a distance like LPIPS (Zhang et al. 2018), without its learned weights of channels.
+
+    It is the mean squared difference of unit features of five layers of VGG16, averaged over places and layers.
+    """
+    layers = ("conv1_2", "conv2_2", "conv3_3", "conv4_3", "conv5_3")
+    a, b = vgg.features(picture, layers), vgg.features(target, layers)
+    return float(np.mean([2 * _cosine(x[None], y[None]) for x, y in zip(a, b, strict=True)]))
+
+
+def edge_score(picture: Tensor, target: Tensor) -> float:
+    """Returns the agreement of the edges of two pictures [3, H, W]: the F-score of Canny's edges, in [0, 1].
+
+    Two edges match if their distance is at most 1.5 % of the picture's diagonal.
+    """
+    found, wanted = _edges(picture), _edges(target)
+    reach = _TOLERANCE * float(np.hypot(*wanted.shape))
+    precision, recall = _share_near(found, wanted, reach), _share_near(wanted, found, reach)
+    return 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0
+
+
+def edge_correlation(picture: Tensor, target: Tensor) -> float:
+    """Returns the correlation, in [-1, 1], of the coarse edges of lightness of two pictures, place by place.
+
+    target: cropped to the shape of `picture` [3, H, W]
+    """
+    steps = [_steps(images.fit(one, *_shape(picture)).mean(0)).flatten() for one in (picture, target)]
+    return float(torch.corrcoef(torch.stack(steps))[0, 1])
+
+
+def direction_agreement(strokes: Strokes, style: Tensor, size: CanvasSize) -> float:
+    """Returns the agreement of strokes with the directions of a style picture: circular correlation, in [-1, 1].
+
+    It is the mean cosine of twice the angle between a stroke and the style's direction in its middle (opposite
+    angles are the same direction). The weight of a stroke is its length times the clarity of the direction of the
+    style [3, H, W], cropped to the canvas. 1 means the same directions, 0 no relation, -1 perpendicular ones.
+    """
+    filled = images.fit(style, _ROWS, round(_ROWS * size.width / size.height))
+    doubled, coherence, _ = directions(filled)
+    middle = PixelGrid(size, *doubled.shape).to_pixels(strokes.path(torch.tensor([0.5]))[:, 0]).round().long()
+    columns, rows = (middle[:, axis].clamp(0, most - 1) for axis, most in enumerate(reversed(doubled.shape)))
+    weight = coherence[rows, columns] * strokes.length
+    return float((weight * torch.cos(2 * strokes.angle - doubled[rows, columns])).sum() / weight.sum().clamp(min=1e-9))
+
+
+def exact_emd(cost: Tensor) -> float:
+    """Returns the Earth Mover's Distance for a square cost [n, n] between two clouds of n equal weights.
+
+    The best transport between equal weights is an assignment, so this is exact.
+    """
+    values = cost.detach().cpu().double().numpy()
+    rows, columns = linear_sum_assignment(values)
+    return float(values[rows, columns].mean())
+
+
+def _cosine(a: Tensor, b: Tensor) -> float:
+    return float((1 - functional.cosine_similarity(a, b, dim=1)).mean())
+
+
+def _edges(picture: Tensor) -> NDArray[np.bool_]:
+    """Returns Canny's edges [h, w] of a blurred picture; the blur removes the grain of a brush."""
+    pixels = images.to_uint8(images.fit(picture, *_shape(picture)))
+    gray = cv2.GaussianBlur(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), (0, 0), _BLUR)
+    found: NDArray[np.bool_] = cv2.Canny(gray, _LOW, _HIGH, L2gradient=True) > 0
+    return found
+
+
+def _steps(gray: Tensor) -> Tensor:
+    """Returns the gradient of lightness [h, w] at the scale of areas, not of marks."""
+    smooth = functional.avg_pool2d(gray[None, None], 2 * _AREA + 1, 1, _AREA, count_include_pad=False)[0, 0]
+    across = smooth[_AREA:-_AREA, 2 * _AREA :] - smooth[_AREA:-_AREA, : -2 * _AREA]
+    down = smooth[2 * _AREA :, _AREA:-_AREA] - smooth[: -2 * _AREA, _AREA:-_AREA]
+    return (across.square() + down.square()).sqrt()
+
+
+def _shape(picture: Tensor) -> tuple[int, int]:
+    return _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1])
+
+
+def _share_near(edges: NDArray[np.bool_], others: NDArray[np.bool_], reach: float) -> float:
+    """Returns the share of edges that have another edge within `reach` pixels."""
+    if not edges.any() or not others.any():
+        return 0.0
+    away = cv2.distanceTransform((~others).astype(np.uint8), cv2.DIST_L2, 5)
+    return float((away[edges] <= reach).mean())
