@@ -167,8 +167,8 @@ class Text(JudgedExperiment):
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
         """Returns the settings, the prompts, and what reads them."""
         by_clip = self.networks.reads_by_clip
-        readers = " and ".join(one.name for one in self.networks.readers()) if by_clip else "pictures by their captions"
-        return {**super().settings(), "prompts": [prompt.words for prompt in self.prompts], "seen through": readers}
+        reader = self.networks.reader().name if by_clip else "pictures by their captions"
+        return {**super().settings(), "prompts": [prompt.words for prompt in self.prompts], "seen through": reader}
 
     def tables(self, results: Results) -> Sequence[ResultTable]:
         """Returns the shares over all paintings, and the ranks of each."""

@@ -247,9 +247,9 @@ class StrokeModels(LibraryExperiment):
                 "standard deviation": float(its.std(ddof=1)),
                 "best stroke": float(its.min()),
                 "worst stroke": float(its.max()),
-                f"better than {BEZIER} on": test and f"{test.more} of {len(its)}",
-                "p, paired t-test": test and test.t,
-                "p, Wilcoxon": test and test.wilcoxon,
+                f"better than {BEZIER} on": None if test is None else f"{test.more} of {len(its)}",
+                "p, paired t-test": None if test is None else test.t,
+                "p, Wilcoxon": None if test is None else test.wilcoxon,
             })  # fmt: skip
         return [ResultTable(f"Mean absolute error on {len(self.split[1])} strokes held out", rows)]
 

