@@ -204,13 +204,11 @@ class SurfaceMap:
 
     def at(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the offsets [k] in metres at positions [k, 2] in canvas metres."""
-        column, right = _between(np.array(self.across), position[:, 0])
-        row, upper = _between(np.array(self.up), position[:, 1])
-        offset = self._array
-        lower = offset[row, column] * (1 - right) + offset[row, column + 1] * right
-        return (
-            lower * (1 - upper) + (offset[row + 1, column] * (1 - right) + offset[row + 1, column + 1] * right) * upper
-        )
+        from scipy.interpolate import RegularGridInterpolator  # loaded here because few canvases are uneven
+
+        inside = np.clip(position, (self.across[0], self.up[0]), (self.across[-1], self.up[-1]))
+        surface = RegularGridInterpolator((self.up, self.across), self._array, bounds_error=False)
+        return np.asarray(surface(inside[:, ::-1]), np.float64)
 
     def require_covers(self, canvas: CanvasSize) -> None:
         """Raises CalibrationError unless the map reaches from edge to edge of the canvas."""
@@ -254,13 +252,6 @@ def _extend(lines: NDArray[np.float64], values: NDArray[np.float64], side: float
     found[0] -= (values[1] - values[0]) / (lines[1] - lines[0]) * lines[0]
     found[-1] += (values[-1] - values[-2]) / (lines[-1] - lines[-2]) * (side - lines[-1])
     return found
-
-
-def _between(lines: NDArray[np.float64], place: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Returns for each place the index of the line before it, and its share of the way to the next line."""
-    inside = np.clip(place, lines[0], lines[-1])
-    before = np.clip(np.searchsorted(lines, inside, side="right") - 1, 0, len(lines) - 2)
-    return before, (inside - lines[before]) / (lines[before + 1] - lines[before])
 
 
 def _shorten(values: Sequence[float]) -> str:

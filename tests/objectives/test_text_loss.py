@@ -146,5 +146,5 @@ def test_what_is_seen_is_square_and_not_squeezed() -> None:
     y, x = torch.meshgrid(torch.arange(60) - 29.5, torch.arange(120) - 59.5, indexing="ij")
     disc = ((x.square() + y.square()).sqrt() > 20).float().expand(3, -1, -1)
     words = Text("red", Circle(), seed=0)
-    words._views[0]._maps = torch.eye(3).expand(24, 3, 3)
+    words._views._maps = torch.eye(3).expand(24, 3, 3)
     words.validation(disc)

@@ -60,10 +60,7 @@ class Views:
         """
         side = self._size * 5 // 4
         small = functional.interpolate(picture[None], [side, side], mode="bilinear", antialias=True)
-        grid = send_to_device(self._points[which].to(picture.dtype), picture.device)
-        return functional.grid_sample(
-            small.expand(len(which), -1, -1, -1), grid, mode="bilinear", padding_mode="reflection", align_corners=False
-        )
+        return _sample(small, self._points[which])
 
     def of_squares(self, picture: Tensor, which: Tensor, places: Sequence[float]) -> Tensor:
         """Returns views of the largest squares of a picture [3, H, W], without distortion: [n, 3, size, size].
@@ -79,12 +76,15 @@ class Views:
         square = torch.tensor([short / columns, short / rows])  # half sides of the square, relative to the picture
         along = 2 * torch.tensor(places)[:, None] - 1
         middle = along * (1 - square)  # [n, 2]; 0 along the shorter side
-        seen = self._points[which]
-        grid = (seen * square + middle[:, None, None]).to(picture.dtype)
-        return functional.grid_sample(
-            small.expand(len(which), -1, -1, -1), send_to_device(grid, picture.device),
-            mode="bilinear", padding_mode="reflection", align_corners=False,
-        )  # fmt: skip
+        return _sample(small, self._points[which] * square + middle[:, None, None])
+
+
+def _sample(small: Tensor, points: Tensor) -> Tensor:
+    """Returns a picture [1, 3, h, w], mirrored beyond its edges, at points [n, side, side, 2]: [n, 3, side, side]."""
+    grid = send_to_device(points.to(small.dtype), small.device)
+    return functional.grid_sample(
+        small.expand(len(points), -1, -1, -1), grid, mode="bilinear", padding_mode="reflection", align_corners=False
+    )
 
 
 def _look(generator: torch.Generator, closest: float) -> Tensor:
@@ -92,17 +92,15 @@ def _look(generator: torch.Generator, closest: float) -> Tensor:
 
     closest: least share of the picture's sides that the view shows
     """
+    import cv2  # loaded here because only networks need it
+
     share, right, down = torch.rand(3, generator=generator).tolist()
     share = closest + (1 - closest) * math.sqrt(share)
     tilt = _TILT * (2 * torch.rand(4, 2, generator=generator) - 1)
     corners = torch.tensor([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     middle = (1 - share) * torch.tensor([2 * right - 1, 2 * down - 1])
     seen = (corners + tilt) * share + middle
-    rows = []
-    for (x, y), (u, v) in zip(corners.tolist(), seen.tolist(), strict=True):
-        rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y], [0, 0, 0, x, y, 1, -v * x, -v * y]]
-    solved = torch.linalg.solve(torch.tensor(rows, dtype=torch.float64), seen.double().flatten())
-    return torch.cat((solved, solved.new_ones(1))).reshape(3, 3).float()
+    return torch.from_numpy(cv2.getPerspectiveTransform(corners.numpy(), seen.numpy())).float()
 
 
 _VIEWS = 12

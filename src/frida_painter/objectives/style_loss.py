@@ -40,14 +40,6 @@ def relaxed_emd(cost: Tensor) -> Tensor:
     return torch.maximum(cost.amin(1).mean(), cost.amin(0).mean())
 
 
-def moment_distance(a: Tensor, b: Tensor) -> Tensor:
-    """Returns the difference of the moments of rows a [n, c] and b [m, c].
-
-    It is the mean absolute difference of the means plus that of the covariances.
-    """
-    return _apart(_cloud_moments(a), _cloud_moments(b))
-
-
 def _cloud_moments(rows: Tensor) -> tuple[Tensor, Tensor]:
     """Returns mean [c] and covariance [c, c] of rows [n, c]."""
     mean = rows.mean(0)
@@ -74,7 +66,7 @@ class Cloud:
         self._mean, self._covariance = map(Constant, _cloud_moments(rows))
 
     def distance(self, rows: Tensor) -> Tensor:
-        """Returns `relaxed_emd` of the cost plus `moment_distance` for rows [m, c]; differentiable by the rows.
+        """Returns `relaxed_emd` of the cost plus the difference of the moments for rows [m, c]; differentiable by them.
 
         The gradient needs only the pairs of partners, and not the whole matrix of costs: half the time.
         """

@@ -22,7 +22,7 @@ from frida_painter.plan import Plan
 from frida_painter.planning.layers import beneath
 from frida_painter.planning.optimize import stacked_moments
 from frida_painter.planning.placement import Placement, displace_strokes
-from frida_painter.planning.problem import PlanningProblem, PlanningProblems, tolerating_failure
+from frida_painter.planning.problem import FailureTolerance, PlanningProblem, PlanningProblems
 from frida_painter.planning.refine import loss_of_paint, visible_area
 from frida_painter.strokes import Strokes
 
@@ -178,7 +178,7 @@ def fading_of(plan: Plan, canvas: Tensor, problems: PlanningProblems, grid: Pixe
     """
     parts, on = problems.stack(plan, canvas, grid)
     guide = problems.guide(on[0])
-    with tolerating_failure():
+    with FailureTolerance():
         return _measure_fading(parts, on) if guide is None else _towards(guide, parts, on, seed)
     return Fading.none(len(plan))
 

@@ -40,7 +40,7 @@ from frida_painter.planning.layers import (
 from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
 from frida_painter.planning.optimize import PictureChange, Step, optimize, shift_objective, stacked_cost, stacked_loss
 from frida_painter.planning.placement import Placement, learn
-from frida_painter.planning.problem import PlanningProblems, Region, is_bare, on_device, tolerating_failure
+from frida_painter.planning.problem import FailureTolerance, PlanningProblems, Region, is_bare, on_device
 from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
 from frida_painter.planning.settings import PlannerSettings, layer_sizes, usual_layers, usual_shares
 from frida_painter.planning.variables import Paints, as_palette
@@ -429,9 +429,9 @@ class Planner:
 
     def _replan_in_layers(self, task: "PlanningTask", rest: Plan) -> Plan:
         """Returns the rest, planned again by the project's own planner."""
-        with tolerating_failure():
+        with FailureTolerance():
             return self._replan_better(task, rest, moves=(True, False))
-        with tolerating_failure():
+        with FailureTolerance():
             return self._with(fine=self.coarse)._replan_better(task, rest, moves=(False,))
         return rest
 
@@ -509,7 +509,7 @@ class Planner:
         if not mixed and int(rest.layer[0]) == 0:
             layers[0] = replace(layers[0], mixes=self.settings.new_paints or len(layers) == 1)
         change = self._wet_change(wetness)
-        with tolerating_failure():
+        with FailureTolerance():
             settled = self._settle(layers, canvas, begin, 0, count, pace=_POLISHING_PACE, change=change)
             again = self._join(rest, settled, [layer.mixes for layer in layers], canvas, hear, change)
             timed = len(again) == len(rest)  # else the region took a stroke, and the times are those of other strokes

@@ -1,9 +1,9 @@
 """Planning problem: the current canvas, a brush and an objective."""
 
 import copy
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from types import TracebackType
 
 import torch
 from torch import Tensor, nn
@@ -375,13 +375,14 @@ class PlanningProblems:
 _SAID = ("out of memory", "not enough memory", "can't allocate memory", "cannot allocate memory")
 
 
-@contextmanager
-def tolerating_failure() -> Iterator[None]:
-    """Ends its block at a lack of memory, on the machine or its accelerator, and if the optimiser diverges."""
-    try:
-        yield
-    except (MemoryError, PlanningDiverged):
+class FailureTolerance:
+    """Context that ends its block at a lack of memory, on the machine or its accelerator, and if no plan is found."""
+
+    def __enter__(self) -> None:
         pass
-    except RuntimeError as failure:
-        if not any(words in str(failure).lower() for words in _SAID):
-            raise
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool:
+        short = isinstance(error, RuntimeError) and any(words in str(error).lower() for words in _SAID)
+        return short or isinstance(error, MemoryError | PlanningDiverged)

@@ -102,6 +102,7 @@ class _Scanlines(torch.autograd.Function):
         bands = bands_of(pictures[0])
         to_color = np.zeros((len(bands), *color.shape), color.dtype)
         given = laid.spans, sampled[0], color
+        to_pictures: tuple[Array, ...]
         with Team() as team:
             if ctx.spread is None:
                 gradient, through = array(gradients[0]), np.ones_like(pictures[0][0])
