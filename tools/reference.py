@@ -13,17 +13,24 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
-PACKAGE = Path(__file__).parents[1] / "src/frida_painter"
+SOURCE = Path(__file__).parents[1] / "src"
+PACKAGE = SOURCE / "frida_painter"
 API = "reference/api"
 LOG = logging.getLogger("mkdocs.hooks.reference")  # a warning of mkdocs, which ends a strict build
-_SOURCE = re.compile(r"\]\(((?:\.\./)+)src/frida_painter/([\w/]+)\.py\)")
+_SOURCE = re.compile(r"\]\(((?:\.\./)+)src/(frida_painter\w*)/([\w/]+)\.py\)")
 _ELSEWHERE = re.compile(r"\[([^\]]*)\]\((?:\.\./)+((?:examples|src|tests|tools|benchmarks|CONTRIBUTING)\b[^)]*)\)")
 
 
 def rooms() -> list[str]:
     """The names of all rooms, by the alphabet."""
     found = [path.parent.name for path in PACKAGE.glob("*/__init__.py")]
-    return sorted(found + [path.stem for path in PACKAGE.glob("*.py") if not path.stem.startswith("__")])
+    found += [path.stem for path in PACKAGE.glob("*.py") if not path.stem.startswith("__")]
+    return sorted(found) + sorted(path.parent.name for path in SOURCE.glob("frida_painter_*/__init__.py"))
+
+
+def dotted(room: str) -> str:
+    """The whole name of a room of the painter, or of a package beside it."""
+    return room if (SOURCE / room).is_dir() else f"frida_painter.{room}"
 
 
 def on_config(config: Any) -> Any:
@@ -36,7 +43,7 @@ def on_config(config: Any) -> Any:
 def on_files(files: Files, config: Any) -> Files:
     """Adds the pages of the reference."""
     for room in rooms():
-        content = f"# {room}\n\n::: frida_painter.{room}\n"
+        content = f"# {room}\n\n::: {dotted(room)}\n"
         files.append(File.generated(config, f"{API}/{room}.md", content=content))
     table = "\n".join(f"| [{room}]({room}.md) | {_purpose(room)} |" for room in rooms())
     opening = "# All modules\n\nEvery room of the house, from its docstrings."
@@ -48,7 +55,7 @@ def on_files(files: Files, config: Any) -> Files:
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Leads links to source files to the reference; what else lies outside docs/ is named by its path."""
     up = "../" * page.file.src_uri.count("/")
-    markdown = _SOURCE.sub(lambda found: f"]({up}{_reference(found[2])})", markdown)
+    markdown = _SOURCE.sub(lambda found: f"]({up}{_reference(found[2], found[3])})", markdown)
     return _ELSEWHERE.sub(
         lambda found: f"{found[1]} (`{found[2]}`)" if found[2] not in found[1] else found[1], markdown
     )
@@ -64,19 +71,20 @@ def on_post_build(config: Any) -> None:
 
 def modules() -> set[str]:
     """The dotted names of all public modules but the package itself."""
-    paths = (path.relative_to(PACKAGE.parent).with_suffix("").parts for path in PACKAGE.rglob("*.py"))
+    paths = (path.relative_to(SOURCE).with_suffix("").parts for path in SOURCE.rglob("*.py"))
     found = {".".join(part for part in parts if part != "__init__") for parts in paths}
     public = {name for name in found if not any(part.startswith("_") for part in name.split("."))}
     return public - {"frida_painter"}
 
 
-def _reference(path: str) -> str:
-    if not (PACKAGE / f"{path}.py").is_file():
-        LOG.warning("A page links to src/frida_painter/%s.py, which does not exist.", path)
-    parts = [part for part in path.split("/") if part != "__init__"]
-    return f"{API}/{parts[0]}.md#{'.'.join(('frida_painter', *parts))}"
+def _reference(package: str, path: str) -> str:
+    if not (SOURCE / package / f"{path}.py").is_file():
+        LOG.warning("A page links to src/%s/%s.py, which does not exist.", package, path)
+    parts = [part for part in (package, *path.split("/")) if part != "__init__"]
+    return f"{API}/{package if package != PACKAGE.name else parts[1]}.md#{'.'.join(parts)}"
 
 
 def _purpose(room: str) -> str:
-    path = PACKAGE / room / "__init__.py" if (PACKAGE / room).is_dir() else PACKAGE / f"{room}.py"
+    place = SOURCE.joinpath(*dotted(room).split("."))
+    path = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
     return (ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "").partition("\n")[0].replace("|", r"\|")

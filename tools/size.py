@@ -16,7 +16,8 @@ from pathlib import Path
 from statistics import median
 
 ROOT = Path(__file__).parents[1]
-HOUSE = "src/frida_painter"
+HOUSE = "src"
+PAINTER = f"{HOUSE}/frida_painter/"
 BESIDE = ("tests", "benchmarks", "examples", "tools")
 SHORT = 60  # lines, under which a module should have a reason to be alone
 
@@ -57,8 +58,8 @@ def last_tag(root: Path) -> str | None:
 
 
 def room_of(path: str) -> str:
-    """The room of a file: a package of the source, its modules without a package, or a folder beside the source."""
-    place, _, below = path.removeprefix(f"{HOUSE}/").partition("/")
+    """The room of a file: a room of the painter, its modules without a room, another package, or a folder beside."""
+    place, _, below = path.removeprefix(PAINTER).removeprefix(f"{HOUSE}/").partition("/")
     if not path.startswith(f"{HOUSE}/"):
         return place
     return f"{place}/" if below else "(no room)"
@@ -69,7 +70,7 @@ def report(now: Lines, before: Lines, budgets: Budgets) -> list[str]:
     rooms: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0, 0])
     for columns, lines in (((0, 1), now), ((2, 3), before)):
         for path, count in lines.items():
-            total = [f"all of {HOUSE}"] if path.startswith(HOUSE) else []
+            total = [f"all of {HOUSE}"] if path.startswith(f"{HOUSE}/") else []
             for room in [room_of(path), *total]:
                 rooms[room][columns[0]] += 1
                 rooms[room][columns[1]] += count
@@ -88,7 +89,9 @@ def report(now: Lines, before: Lines, budgets: Budgets) -> list[str]:
 
 def shape(lines: Lines) -> str:
     """A sentence about the lengths of the source's files, without `__init__.py`."""
-    lengths = [count for path, count in lines.items() if path.startswith(HOUSE) and not path.endswith("__init__.py")]
+    lengths = [
+        count for path, count in lines.items() if path.startswith(f"{HOUSE}/") and not path.endswith("__init__.py")
+    ]
     if not lengths:
         return "no file"
     short = sum(length < SHORT for length in lengths)

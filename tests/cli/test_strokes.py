@@ -37,7 +37,7 @@ def hasty(monkeypatch):
 
 
 def test_a_brush_is_learned_and_then_tested_on_other_strokes(run, monkeypatch):
-    monkeypatch.setattr("frida_painter.brush.field._STEPS", 60)
+    monkeypatch.setattr("frida_painter.teaching.training._STEPS", 60)
     status, out, _ = run("train", "library.npz", "--seed", 3, "--out", "my/brush.safetensors")
     assert status == 0
     claimed = float(re.search(r"magnitude is (0\.\d+)", out)[1])

@@ -23,8 +23,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.latch import Unlatched
 from frida_painter.hardware.robot import MotionReport, Waypoints, Zero
-from frida_painter.hardware.timing import AxisTiming
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import AxisTiming, TravelLimits
 from support.easel import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, PatientCamera
 
 RESET = "its board was reset as the line was opened"

@@ -12,8 +12,7 @@ from frida_painter.easel.proxy import decode_error, encode_error, find_request, 
 from frida_painter.errors import CameraError, FridaError, MotionFailed, RobotBusy, RobotError, RobotStopped
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.hardware.robot import Frame, MotionReport, Waypoints, Zero
-from frida_painter.hardware.timing import AxisTiming, ServoTiming
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import AxisTiming, ServoTiming, TravelLimits
 from frida_painter.palette import Palette
 
 POINT, WAY = np.array([0.1, 0.2, 0.3]), np.arange(6.0).reshape(2, 3)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.mixing import Finish
-from frida_painter.mixing.kubelka_munk import film_over, inside, mix_reflectance, ratio, reflectance
+from frida_painter.mixing.paint import film_over, inside, mix_reflectance, ratio, reflectance
 
 positive = st.floats(0.01, 5)
 

@@ -2,8 +2,15 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.mixing.kubelka_munk import mix_reflectance, reflectance
-from frida_painter.mixing.paint import Paint, PaintDataSource, color_of, find_acrylic, published_names
+from frida_painter.mixing.paint import (
+    Paint,
+    PaintDataSource,
+    color_of,
+    find_acrylic,
+    mix_reflectance,
+    published_names,
+    reflectance,
+)
 from frida_painter.palette import ciede2000, from_hex, to_lab
 
 PAINTS = {name: find_acrylic(name) for name in published_names()}

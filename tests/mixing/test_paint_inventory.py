@@ -5,12 +5,12 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing import Finish
-from frida_painter.mixing.kubelka_munk import inside
 from frida_painter.mixing.paint import (
     MAX_PAINTS,
     SIX,
     PaintDataSource,
     find_acrylic,
+    inside,
     read_paints,
     usual_paints,
 )

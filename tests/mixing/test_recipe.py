@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing import Finish
-from frida_painter.mixing.kubelka_munk import mix_reflectance
-from frida_painter.mixing.paint import Paint, color_of, find_acrylic, usual_paints
+from frida_painter.mixing.paint import Paint, color_of, find_acrylic, mix_reflectance, usual_paints
 from frida_painter.mixing.recipe import (
     _PER_DOUBLING,
     _PER_PAINT,

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, registry, storage
+from frida_painter.cli.imagining import usual_maker
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError, WeightsError
 from frida_painter.picture_makers import making as picture_making
 from frida_painter.picture_makers.making import (
@@ -313,10 +314,10 @@ def test_the_fetched_maker_begins_words_that_come_without_a_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wish: dict[str, Any], *, made: bool
 ) -> None:
     monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path))
-    assert picture_making.usual_maker(RunSpec.of(**wish)) is None
+    assert usual_maker(RunSpec.of(**wish)) is None
     (tmp_path / "imagine").mkdir()
     (tmp_path / "imagine" / "record.json").write_text("{}")
-    assert (picture_making.usual_maker(RunSpec.of(**wish)) == "diffusers") == made
+    assert (usual_maker(RunSpec.of(**wish)) == "diffusers") == made
 
 
 def test_a_maker_that_says_nothing_is_said_to_be_at_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

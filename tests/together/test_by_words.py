@@ -11,12 +11,13 @@ from typing import Any
 import pytest
 
 from frida_painter import images
-from frida_painter.cli.by_words import Proposer, ask_at_terminal, read_line, require_proposer
+from frida_painter.cli.options import ask_at_terminal, read_line, require_proposer
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import EventLog
 from frida_painter.session.events import Event, Paused, StrokePainted
 from frida_painter.session.journal import History, Journal
 from frida_painter.together import proposing
+from frida_painter.together.proposing import Proposer
 from support.planning import picture
 from support.session import SessionSetup
 

@@ -15,8 +15,7 @@ from rich.console import Console
 from torch import Tensor
 
 from frida_painter import storage
-from frida_painter.cli.by_words import ask_at_terminal
-from frida_painter.cli.options import Wells
+from frida_painter.cli.options import Wells, ask_at_terminal
 from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import PaintingLine, terminal_at
 from frida_painter.easel.dialogue import Answer, Question

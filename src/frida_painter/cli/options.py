@@ -1,22 +1,28 @@
 """Options of `paint` and `plan`: made from RunSpec and the kinds of goals, and read back into a RunSpec."""
 
 import inspect
+import select
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import typer
 from pydantic.fields import FieldInfo
+from rich.console import Console
+from rich.markup import escape
+from rich.padding import Padding
+from rich.table import Table
 
-from frida_painter.cli.brief_help import HelpAll
 from frida_painter.cli.imagining import IMAGINING, imagining_options
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
 from frida_painter.options import any_number, camera_name, out_folder, whole_number
+from frida_painter.registry import Later
 from frida_painter.runs.settings import OF_PAINTINGS, OF_PLANS, GoalSettings, Section, about, help_of, usual_of
 from frida_painter.runs.spec import RunSpec
 
@@ -298,3 +304,122 @@ def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None)
         return Annotated[bool | None, typer.Option(**told)]
     metavar = more["value"] or "|".join(map(str, get_args(kind)))
     return Annotated[str | None, typer.Option(*more["names"], metavar=metavar, parser=parser, **told)]
+
+
+# Help of a command with many options: one screen of those that people use, and all of them with --help-all.
+
+
+_OTHERS = ("text", "style", "sketch", "semantic", "out")
+"""Options of the short help beside those of common settings."""
+_SHORT = 36  # letters of a default that the short help tells
+
+
+class BriefCommand(typer.core.TyperCommand):
+    """Command whose --help is short."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Prints the common options, each with the first sentence of its help."""
+        console, options = _begin(self, ctx, whole=False)
+        common = {*_OTHERS, *(name for name, field in RunSpec.model_fields.items() if about(field)["common"])}
+        for heading, of_panel in _panels(option for name, option in options.items() if name in common):
+            table = Table.grid(padding=(0, 2), pad_edge=True)
+            for option in of_panel:
+                said, _, default = option.help.partition("[dim]")
+                first, dot, _ = said.strip().partition(". ")
+                usual = f" [dim]({default.removesuffix('[/]')})[/]" if 0 < len(default) < _SHORT else ""
+                table.add_row(_flags(option), first + "." * bool(dot) + usual)
+            console.print(f"\n[bold]{heading}[/]", table, sep="\n")
+        console.print(f"\n[bold]{ctx.command_path} --help-all[/] tells all of {len(options)} options.")
+
+
+def _begin(command: Any, ctx: Any, *, whole: bool) -> tuple[Console, dict[str, Any]]:
+    """Prints usage and description, and returns the console and the options by name."""
+    console = Console(highlight=False)
+    usage = escape(" ".join(command.collect_usage_pieces(ctx)).replace("[[", "[").replace("]]", "]"))
+    console.print(f"Usage: {ctx.command_path} {usage}\n")
+    said = inspect.cleandoc(command.help or "").split("\n\n")
+    console.print("\n\n".join(" ".join(one.split()) for one in (said if whole else said[:1])))
+    return console, {one.name: one for one in command.get_params(ctx) if one.param_type_name == "option"}
+
+
+def _panels(options: Iterable[Any]) -> list[tuple[str, list[Any]]]:
+    """Returns options by the headings of their panels, in the order of the first option of each."""
+    panels: dict[str, list[Any]] = {}
+    for option in options:
+        heading = getattr(option, "rich_help_panel", None) or "The command itself"
+        panels.setdefault(heading, []).append(option)
+    return list(panels.items())
+
+
+def _flags(option: Any) -> str:
+    """Returns how an option is written, with rich's markup."""
+    value = "" if option.is_flag else f" {escape(option.metavar or option.type.name.upper())}"
+    return f"[cyan]{', '.join((*option.opts, *option.secondary_opts))}[/]{value}"
+
+
+def _show_all(ctx: typer.Context, asked: bool) -> None:
+    """Prints every option with its whole help, and ends the program."""
+    if not asked:
+        return
+    console, options = _begin(ctx.command, ctx, whole=True)
+    for heading, of_panel in _panels(options.values()):
+        console.print(f"\n[bold]{heading}[/]")
+        for option in of_panel:
+            said = (option.help or "").replace("[dim]", "[dim]Default: ")
+            console.print(f"  {_flags(option)}", Padding(said, (0, 0, 0, 6)), sep="\n")
+    raise typer.Exit
+
+
+HelpAll = Annotated[
+    bool,
+    typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show every option, with its whole help."),
+]
+
+
+# Painting together by words at the terminal: the option, and questions to a person.
+
+
+ProposeOption = Annotated[
+    str | None,
+    typer.Option(
+        "--propose",
+        metavar="NAME:TEXT",
+        help="Picture maker for changes by words: while it paints, type what shall change and press Enter, then choose "
+        "one of its pictures, which begin from the canvas; diffusers:FOLDER, or command:PROGRAM with {canvas}. "
+        "[dim]nothing is proposed[/]",
+        rich_help_panel="What to paint",
+    ),
+]
+_require_canvas_maker = Later("frida_painter.picture_makers.making:require_canvas_maker")
+_GLANCE = 0.2  # seconds between two looks whether the person has stopped
+
+
+def require_proposer(maker: str | None, *, together: bool) -> None:
+    """Raises ConfigError if a maker is wanted that is not there or takes no canvas, or without a goal to change."""
+    if maker is not None and together:
+        raise ConfigError("--propose changes a goal, and --together has none; leave out one.")
+    if maker is not None:
+        _require_canvas_maker(maker)
+
+
+def ask_at_terminal(prompt: str, stop_asked: Callable[[], bool]) -> str:
+    """Returns the line that is typed after a prompt; "" after Ctrl-D, which says no more than Enter.
+
+    Raises EOFError if nobody can type, Interrupted after a stop.
+    """
+    print(prompt, end="", flush=True)
+    while sys.stdin.isatty() and not select.select([sys.stdin], [], [], _GLANCE)[0]:
+        if stop_asked():
+            print()
+            raise Interrupted("You stopped; what was painted is kept.")
+    line = read_line()
+    if not line and not sys.stdin.isatty():
+        raise EOFError
+    return line
+
+
+def read_line() -> str:
+    """Returns the next line that is typed; bytes that are no text become marks."""
+    if not isinstance(sys.stdin, TextIOWrapper):
+        return sys.stdin.readline()
+    return sys.stdin.buffer.readline().decode(sys.stdin.encoding, "replace")

@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from frida_painter import registry
-from frida_painter.cli.brief_help import BriefCommand
-from frida_painter.cli.by_words import ProposeOption, require_proposer
 from frida_painter.cli.imagining import imagine_beginning
 from frida_painter.cli.options import (
     TAKEN,
     AskOption,
+    BriefCommand,
     FilledOption,
     Photo,
+    ProposeOption,
     painting_options,
     planning_options,
     require_person,
+    require_proposer,
     spec_of,
     taking,
     tell_left_out,

@@ -32,8 +32,7 @@ from frida_painter.hardware.robot import (
     Waypoints,
     Workspace,
 )
-from frida_painter.hardware.timing import AxisTiming, Timing
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import AxisTiming, Timing, TravelLimits
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.render.painting import render_plan

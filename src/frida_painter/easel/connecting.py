@@ -31,8 +31,7 @@ from frida_painter.hardware.robot import (
     Zero,
     ZeroedRobot,
 )
-from frida_painter.hardware.timing import AxisTiming
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import AxisTiming, TravelLimits
 
 _MAX_STEP = 0.02  # metres of a jog
 _ROOM = 2.0  # metres that a person may jog along one axis, in all

@@ -47,8 +47,7 @@ from frida_painter.hardware.robot import (
     Zero,
     ZeroedRobot,
 )
-from frida_painter.hardware.timing import AxisTiming, motion_seconds
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import AxisTiming, TravelLimits, motion_seconds
 
 T = TypeVar("T")
 

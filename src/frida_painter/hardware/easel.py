@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.robot import Camera, Reach, Robot, Waypoints, Workspace
-from frida_painter.hardware.timing import AxisTiming, Timing
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import AxisTiming, Timing, TravelLimits
 from frida_painter.palette import Palette
 
 

@@ -11,7 +11,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PoseMismatch, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import TravelLimits
 
 # Limits of the workspace. A batch of motions is allowed as a whole, or nothing of it is sent. Nothing is clamped, and
 # NaN fails every check.

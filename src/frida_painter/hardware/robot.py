@@ -7,8 +7,7 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.hardware.timing import AxisTiming
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import AxisTiming, TravelLimits
 
 # Layout around the robot, in metres of its frame: canvas, paint wells, water, rag and bounds.
 

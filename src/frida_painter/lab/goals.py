@@ -29,8 +29,8 @@ from frida_painter.lab.measures import (
 )
 from frida_painter.lab.paintings import Painted, PaintingExperiment, StudioRun
 from frida_painter.lab.targets import Target
+from frida_painter.objectives.beyond_pixels import SketchTerm
 from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style_loss import LAYERS as SEEN
 from frida_painter.objectives.style_loss import cosine_cost, euclidean_cost
 from frida_painter.planning.initialize import uniform

@@ -15,8 +15,7 @@ from frida_painter import registry
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.errors import ConfigError, PluginError
 from frida_painter.mixing import Finish
-from frida_painter.mixing.kubelka_munk import mix_reflectance
-from frida_painter.mixing.paint import Paint, color_of, read_paints, usual_paints
+from frida_painter.mixing.paint import Paint, color_of, mix_reflectance, read_paints, usual_paints
 from frida_painter.palette import ciede2000, to_lab
 from frida_painter.plan import Plan
 

@@ -18,9 +18,9 @@ from torch import Tensor
 from frida_painter import images, picture_file, storage
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, FrameRejected, ImageError
+from frida_painter.images import light_of_bytes, to_linear, to_srgb
 from frida_painter.palette import MAX_COLORS, Palette, difference
 from frida_painter.palette_file import FORMS, is_palette_file, light_of_lab
-from frida_painter.perception.srgb import light_of_bytes, to_linear, to_srgb
 
 # Colour checker: places, readings and true colours of its 24 patches
 

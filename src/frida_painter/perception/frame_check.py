@@ -20,6 +20,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
 from frida_painter.frames import PixelGrid
+from frida_painter.images import to_linear
 from frida_painter.palette import to_lab
 from frida_painter.perception.registration import (
     COARSEST,
@@ -31,7 +32,6 @@ from frida_painter.perception.registration import (
     Verdict,
     register,
 )
-from frida_painter.perception.srgb import to_linear
 
 _TELLABLE = 0.5  # share of a large pixel
 _REACH = 0.012  # metres around the canvas edge that are searched

@@ -12,7 +12,7 @@ from torch import Tensor
 from frida_painter.calibration import Calibration
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import Lens, PixelGrid
-from frida_painter.perception.srgb import light_of_bytes, to_srgb
+from frida_painter.images import light_of_bytes, to_srgb
 
 # Map from commanded to painted positions, fitted to places at which both are known
 

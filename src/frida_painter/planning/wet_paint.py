@@ -22,7 +22,7 @@ from frida_painter.calibration import WetPaint
 from frida_painter.compiled import array
 from frida_painter.errors import PlanError
 from frida_painter.frames import PixelGrid
-from frida_painter.perception.srgb import to_linear
+from frida_painter.images import to_linear
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import PictureChange
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems

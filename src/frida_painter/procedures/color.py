@@ -14,7 +14,7 @@ from frida_painter.easel.dialogue import Confirm, PointCorners, Procedure
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
-from frida_painter.images import from_uint8
+from frida_painter.images import from_uint8, to_linear, to_srgb
 from frida_painter.palette import difference
 from frida_painter.perception.color import (
     ACROSS,
@@ -30,7 +30,6 @@ from frida_painter.perception.color import (
 )
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectified_pixels, rectify
-from frida_painter.perception.srgb import to_linear, to_srgb
 from frida_painter.procedures.paper import WHITE, EaselAccess
 from frida_painter.sheet import CREAM, INK, SOFT, Grid, Sheet, to_bytes
 

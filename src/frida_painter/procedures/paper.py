@@ -26,12 +26,12 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Frame, Waypoints
+from frida_painter.images import to_linear, to_srgb
 from frida_painter.palette import Palette
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectify
 from frida_painter.perception.registration import PaperEdge
-from frida_painter.perception.srgb import to_linear, to_srgb
 from frida_painter.session.observer import Photographer
 from frida_painter.stroke_family import CODE_REACH, Taught
 from frida_painter.strokes import Strokes

@@ -15,13 +15,12 @@ from frida_painter import images, storage
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.easel.kinds import ARM_FILM
 from frida_painter.errors import ImageError, StorageError
-from frida_painter.export.vector import plan_widths, svg, table
 from frida_painter.mixing.recipe import PaintSet, Recipe
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.mixable import mixing_changes
+from frida_painter.registry import Later
 from frida_painter.report.film import FilmWriter, Sketchbook
-from frida_painter.report.page import write_page
 from frida_painter.report.sheets import RecipeSheets, difference
 from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
 from frida_painter.session import events
@@ -29,6 +28,12 @@ from frida_painter.session.events import Event
 from frida_painter.session.journal import History
 from frida_painter.session.progress import Painting
 from frida_painter.storage import count_of
+
+# Results, which are written at the end.
+_plan_widths = Later("frida_painter.export.vector:plan_widths")
+_draw_svg = Later("frida_painter.export.vector:svg")
+_write_table = Later("frida_painter.export.vector:table")
+_write_page = Later("frida_painter.report.page:write_page")
 
 _RESULT = "result.json"
 _DOWNLOADS = (
@@ -160,13 +165,13 @@ class Recorder:
         if self._plan is None or self._first_expected is None:
             return None
         painted = self._plan.part(slice(painting.painted))
-        widths = plan_widths(painted, self.models)
-        storage.write_text(self.folder / "strokes.svg", svg(painted, widths))
-        storage.write_text(self.folder / "strokes.csv", table(painted))
+        widths = _plan_widths(painted, self.models)
+        storage.write_text(self.folder / "strokes.svg", _draw_svg(painted, widths))
+        storage.write_text(self.folder / "strokes.csv", _write_table(painted))
         images.save(painting.photograph, self.folder / "painting.png")
         comparisons = self._compare(painting.photograph, self._first_expected)
         story = self._story(self._plan, painting, comparisons)
-        page = write_page(story, self.folder)
+        page = _write_page(story, self.folder)
         self._write_result(self._plan, painting, comparisons)
         return page
 

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import torch
 from torch import Tensor
@@ -48,10 +48,10 @@ from frida_painter.perception.color import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
+from frida_painter.registry import Later
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.goals import open_goal
-from frida_painter.runs.look_folder import REFUSED, USED, GivenPicture, LookFolder
 from frida_painter.runs.painting_easel import needed_calibrations, order, require_sensible, with_operator
 from frida_painter.runs.painting_folder import (
     CALIBRATION,
@@ -102,6 +102,11 @@ from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
 from frida_painter.session.progress import Painting, ResumeState
 from frida_painter.session.time_left import RemainingTime
+
+if TYPE_CHECKING:
+    from frida_painter.runs.look_folder import GivenPicture, LookFolder
+
+_open_looks = Later("frida_painter.runs.look_folder:LookFolder")
 
 _ROOM = 200 * 2**20  # bytes
 _LED = GoalChanged | Paused | PersonStrokePainted | RegionProtected | StrokeLeftOut
@@ -540,7 +545,7 @@ class PaintingRun:
         )
         return self.session
 
-    def look_at_picture(self, given: GivenPicture) -> None:
+    def look_at_picture(self, given: "GivenPicture") -> None:
         """Takes a person's picture of the canvas for a look, between strokes or in a pause, and replans the rest.
 
         Raises FrameRejected and CalibrationError, with the reason, if it does not show this canvas, and ImageError.
@@ -560,16 +565,17 @@ class PaintingRun:
         try:
             self.look_at_picture(given)
         except (ImageError, CalibrationError, FrameRejected) as refusal:
-            self._looks.file_away(given, REFUSED)
+            self._looks.file_away(given, "refused")
             told = Remark(f"{given.path.name} does not count as a look. {refusal}")
             for listener in self.listeners:
                 listener(told)
         else:
-            self._looks.file_away(given, USED)
+            self._looks.file_away(given, "used")
 
     @cached_property
-    def _looks(self) -> LookFolder:
-        return LookFolder(self.folder)
+    def _looks(self) -> "LookFolder":
+        folder: LookFolder = _open_looks(self.folder)
+        return folder
 
     def _must_stop(self) -> bool:
         """Returns True if painting ends after this stroke or planning iteration.

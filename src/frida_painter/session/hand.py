@@ -10,7 +10,6 @@ import numpy as np
 import torch
 
 from frida_painter.brush.kinds import BrushKind, Dip, brush_kind
-from frida_painter.brush.library import StrokeLibrary, estimate_dip
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
@@ -20,6 +19,7 @@ from frida_painter.hardware.robot import Waypoints, Workspace
 from frida_painter.plan import Plan
 from frida_painter.planning.forecast import Fading
 from frida_painter.planning.placement import Placement
+from frida_painter.registry import Later
 from frida_painter.session.choreography import Action, BrushLoad, Choreography, Looks, reckon
 from frida_painter.session.events import DRYING, Dipped, StrokeLeftOut, StrokePainted, Timetable
 from frida_painter.strokes import Strokes
@@ -368,6 +368,10 @@ STROKES_PER_DIP = 4
 """Strokes per dip of an unmeasured brush; the program that was published with the paper used this for all brushes."""
 
 
+_load_library = Later("frida_painter.brush.library:StrokeLibrary.load")
+_estimate_dip = Later("frida_painter.brush.library:estimate_dip")
+
+
 def with_measured_dip(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushKind:
     """Returns the brush with the capacity of one dip at the easel of that record.
 
@@ -378,7 +382,7 @@ def with_measured_dip(kind: BrushKind, record: Calibration, *, simulated: bool) 
     if kind.name in record.others:
         record = record.of_brush(kind.name)
     if record.library is not None and record.brush == kind.name:
-        shown = estimate_dip(StrokeLibrary.load(Path(record.library.path)), kind.width)
+        shown = _estimate_dip(_load_library(Path(record.library.path)), kind.width)
         if shown is not None:
             return replace(kind, known_dip=shown)
     return kind if simulated else replace(kind, known_dip=Dip.of_strokes(STROKES_PER_DIP))

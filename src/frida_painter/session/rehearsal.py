@@ -14,7 +14,7 @@ from frida_painter.hardware import gateway
 from frida_painter.hardware.gateway import Fault, Surface
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Point, Reach, Waypoints, Workspace
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import TravelLimits
 from frida_painter.palette import MAX_COLORS
 from frida_painter.plan import Plan
 

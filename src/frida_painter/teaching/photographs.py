@@ -22,12 +22,11 @@ from frida_painter.calibration import Calibration, Corners
 from frida_painter.canvas_size import AnyCanvas, CanvasSize
 from frida_painter.errors import CalibrationError, FrameRejected, LibraryError
 from frida_painter.frames import PixelGrid
-from frida_painter.images import AnyPicture, as_picture
+from frida_painter.images import AnyPicture, as_picture, to_linear, to_srgb
 from frida_painter.palette import AnyColor, as_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectify
 from frida_painter.perception.snapshot import find_corners, list_turns
-from frida_painter.perception.srgb import to_linear, to_srgb
 from frida_painter.plan import WHITE
 
 _COLUMNS = {

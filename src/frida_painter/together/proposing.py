@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images, storage
-from frida_painter.cli.by_words import read_line
+from frida_painter.cli.options import read_line
 from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.frames import PixelGrid
 from frida_painter.picture_makers.making import (

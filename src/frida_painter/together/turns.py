@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -20,7 +21,6 @@ from frida_painter.errors import CameraError, ConfigError, PaintingPaused
 from frida_painter.hardware.easel import PersonBrush, PersonCanvas, PersonStroke
 from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import MARK, find_painted
-from frida_painter.session.controls import Adapt
 from frida_painter.session.events import TimelapseFrame
 from frida_painter.session.executor import Desk
 from frida_painter.session.hand import Hand
@@ -29,6 +29,9 @@ from frida_painter.session.open_loop import OpenLoopMonitor
 from frida_painter.session.person_events import PEN_LIMITS, PersonStrokeBegan, PersonStrokePainted
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
 from frida_painter.together.policies import take_turn
+
+if TYPE_CHECKING:
+    from frida_painter.session.controls import Adapt
 
 _YOUR_TURN = "It is your turn: paint what you like, then let the robot answer."
 _IDLE_TURNS = 3  # turns without any paint, after which nobody is asked again
@@ -306,7 +309,7 @@ class PersonTurns:
             painted, _outline(after, painted), float(painted.mean()), float((planned & painted).sum() / painted.sum())
         )
 
-    def answer(self, adapt: Adapt) -> None:
+    def answer(self, adapt: "Adapt") -> None:
         """Looks at the canvas and answers a person who painted, at the end of a pause.
 
         adapt: may set another `planner`. Its errors pass through; the rest is then replanned.
@@ -334,12 +337,14 @@ class PersonTurns:
             else:
                 self._plans.keep()
 
-    def answer_if_possible(self, adapt: Adapt) -> None:
+    def answer_if_possible(self, adapt: "Adapt") -> None:
         """Answers a person; an answer that is not possible changes nothing."""
         with suppress(ConfigError):
             self.answer(adapt)
 
-    def alternate(self, most: int, equip: Callable[[], None], paint_until: Callable[[int], None], adapt: Adapt) -> None:
+    def alternate(
+        self, most: int, equip: Callable[[], None], paint_until: Callable[[int], None], adapt: "Adapt"
+    ) -> None:
         """Paints without a goal: a person paints, the robot answers, until `most` strokes are done or a person ends it.
 
         equip: gets brush and paints. paint_until: paints until that number of strokes is done.

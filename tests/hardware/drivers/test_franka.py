@@ -19,7 +19,8 @@ import franky
 
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers import franka, interlock
+from frida_painter.hardware import interlock
+from frida_painter.hardware.drivers import franka
 from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
 from frida_painter.hardware.drivers.franka_kinematics import FrankaReach, resume_path
 from frida_painter.hardware.latch import Latch

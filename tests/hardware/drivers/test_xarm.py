@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers import interlock
+from frida_painter.hardware import interlock
 from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.robot import ExaminedRobot, TimedRobot, Waypoints
 from machines.paths import a_stroke

@@ -42,8 +42,7 @@ from frida_painter.hardware.robot import (
     Workspace,
     Zero,
 )
-from frida_painter.hardware.timing import AxisTiming
-from frida_painter.hardware.travel import TravelLimits
+from frida_painter.hardware.timing import AxisTiming, TravelLimits
 
 
 @dataclass(frozen=True)
