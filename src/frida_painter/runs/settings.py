@@ -230,7 +230,7 @@ class MachineSettings(Section):
     robot: str = setting(VIRTUAL, value="NAME", of=(EASELS, ROBOTS), common=True, min_length=1)
     """The robot that paints, like virtual or xarm:192.168.1.10. `doctor` shows how to write each name. sawyer-sim is
     a physical simulation of the paper's arm."""
-    camera: str = setting("", value="NAME", of=(CAMERAS,), common=True)
+    camera: str = setting("", value="NAME", usual="the virtual studio's own", of=(CAMERAS,), common=True)
     """The camera of a real easel, like opencv:0 or folder:PATH. `doctor` shows how to write each name."""
     workspace: File = setting(None, value="FILE", usual="the virtual studio's own", common=True)
     """The workspace file of a real robot (TOML): the places of canvas, wells, water and rag."""
