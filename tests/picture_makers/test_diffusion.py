@@ -21,7 +21,6 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from frida_painter import images
-from frida_painter.cli import commands
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
 from frida_painter.picture_makers import diffusion, pipeline_process
 from frida_painter.picture_makers.diffusion import DiffusionMaker
@@ -100,25 +99,17 @@ def test_any_words_make_a_picture_and_a_tokenizer_need_not_say_how_many_it_takes
     assert images.load(Path(str(made))).shape == (3, 56, 72)
 
 
+@pytest.mark.usefixtures("here")
+@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 @pytest.mark.slow
-def test_a_plan_from_words_by_a_pipeline(
-    tmp_path: Path, pipeline: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    small = (
-        *("--strokes", "8", "--colors", "2", "--canvas", "120x90mm", "--render-height", "64", "--effort", "0.05"),
-        *("--seed", "3", "--out", "planned"),
-    )
-    words = ["--text", "a red tower", "--imagine", f"diffusers:{pipeline}", "--imagine-pictures", "2"]
-    monkeypatch.setattr("sys.argv", ["frida-painter", "plan", *words, *small])
-    with pytest.raises(SystemExit) as end:
-        commands.main()
-    said = capsys.readouterr().err
-    assert not end.value.code, said
-    assert "Picture 2 of 2: step 4 of 4." in said and "by diffusers, tiny, StableDiffusionPipeline, 4 steps" in said
-    record = json.loads((tmp_path / "planned" / "goal" / "1" / "making.json").read_text())
+def test_a_making_by_a_pipeline_is_recorded(tmp_path: Path, pipeline: Path) -> None:
+    told: list[str] = []
+    spec = RunSpec.of(goal=[{"text": "a red tower"}], canvas="12x9cm", seed=3)
+    made = make_pictures("a red tower", f"diffusers:{pipeline}", tmp_path / "made", spec, count=2, tell=told.append)
+    made.choose(0, "it is the first")
+    assert "Picture 2 of 2: step 4 of 4." in told and "tiny, StableDiffusionPipeline, 4 steps" in made.made_by
+    record = json.loads((tmp_path / "made" / "making.json").read_text())
     assert [one["seed"] for one in record["pictures"]] == [3, 4] and record["facts"]["model"] == "tiny"
-    assert (tmp_path / "planned" / "plan.json").exists()
 
 
 @pytest.mark.usefixtures("here")
@@ -409,6 +400,8 @@ def hub(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[_Hub]]
         thread.join()
 
 
+@pytest.mark.usefixtures("here")
+@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 @pytest.mark.slow
 def test_a_name_on_the_hub_is_fetched_once_without_pickles(tmp_path: Path, pipeline: Path, hub: type[_Hub]) -> None:
     copytree(pipeline, hub.root)

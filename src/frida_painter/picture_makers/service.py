@@ -127,6 +127,7 @@ class _SameHost(urllib.request.HTTPRedirectHandler):
         """Returns the question for the new address. Raises MakingFailed if that is another host."""
         old, new = urlsplit(req.full_url), urlsplit(newurl)
         if (old.scheme, old.netloc) != (new.scheme, new.netloc):
+            fp.close()
             raise MakingFailed(
                 f"The service {old.netloc} redirects to {new.scheme}://{new.netloc[:80]}, which nobody named; give "
                 "that address if you trust it."
@@ -169,10 +170,9 @@ def _ask(address: str, question: Mapping[str, Any], seconds: float, tell: Callab
                     f"The service {host} broke off after {len(content)} of {size} bytes; try again, or mend it."
                 )
     except urllib.error.HTTPError as cause:
-        why = " ".join(str(cause.reason).split())[:80]
-        raise MakingFailed(
-            f"The service {host} answers {cause.code} {why}{_said_in(cause)}; mend it, or name another."
-        ) from cause
+        with cause:
+            why = " ".join(str(cause.reason).split())[:80] + _said_in(cause)
+        raise MakingFailed(f"The service {host} answers {cause.code} {why}; mend it, or name another.") from cause
     except (HTTPException, OSError, ValueError) as cause:
         reason = cause.reason if isinstance(cause, urllib.error.URLError) else cause
         said = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__

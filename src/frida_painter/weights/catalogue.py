@@ -84,8 +84,8 @@ def all_weights() -> tuple[NamedWeights, ...]:
 
 def _read_entry(name: str, entry: dict[str, Any]) -> NamedWeights:
     files = tuple(PublishedFile(**file) for file in entry.pop("files", ()))
-    lists: dict[str, Any] = {key: tuple(entry.pop(key, ())) for key in ("sources", "needs")}
-    return NamedWeights(name, files=files, **lists, **entry)
+    sources, needs = tuple(entry.pop("sources")), tuple(entry.pop("needs", ()))
+    return NamedWeights(name, files=files, sources=sources, needs=needs, **entry)
 
 
 def words() -> tuple[NamedWeights, ...]:

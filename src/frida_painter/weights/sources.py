@@ -145,6 +145,7 @@ def download(address: str, path: Path, size: int, transfer: Transfer, before: in
                     if not transfer.hear(before + have):
                         raise WeightsError(f"{TOO_SLOW}; the rest is asked for next time")
     except urllib.error.HTTPError as cause:
+        cause.close()
         if cause.code == _WRONG_RANGE:
             path.unlink(missing_ok=True)
         raise WeightsError(f"it answers {cause.code} {cause.reason}") from cause
