@@ -145,9 +145,8 @@ def test_m5_at_the_wrong_pin_the_board_says_ok_and_the_brush_stays(plug: Plug) -
         robot.close()
 
 
-@pytest.mark.parametrize("version", ["2.5.3", "2.6.5", "2.8.1", "3.0.3"])
-def test_m6_the_lift_holds_while_a_layer_dries_for_twenty_minutes(plug: Plug, version: str) -> None:
-    with connected(plug, {"version": version}) as (board, robot):
+def test_m6_the_lift_holds_while_a_layer_dries_for_twenty_minutes(plug: Plug) -> None:
+    with connected(plug, {"version": "2.6.5"}) as (board, robot):
         board.clock.sleep(1200)
         assert board.pen == 24_000  # up
         robot.follow(STROKE)
@@ -233,23 +232,6 @@ def test_a_board_that_was_just_started_does_not_move_until_its_zero_is_told(plug
         robot.jog(np.array([0.01, 0.0, 0.0]))
         assert board.carriage == [4800, 0]
         robot.close()
-
-
-@every_board
-def test_the_zero_survives_another_connection_and_another_process(plug: Plug, how: dict[str, Any]) -> None:
-    with connected(plug, how) as (board, robot):
-        robot.set_zero(np.array([0.0501, -0.02, 0.0]))
-        reached = robot.follow(STROKE).reached
-        robot.stop()
-        robot.connect()
-        assert robot.zero().known
-        assert robot.pose()[:2] == pytest.approx(reached[:2], abs=1e-6)
-        robot.close()
-        other = robot_of(board)
-        other.connect()
-        assert other.zero().known
-        assert other.pose()[:2] == pytest.approx(reached[:2], abs=1e-6)
-        other.close()
 
 
 @every_board

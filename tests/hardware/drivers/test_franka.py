@@ -78,7 +78,9 @@ def off_path(tips: np.ndarray, waypoints: Waypoints) -> np.ndarray:
     return away
 
 
-def test_the_tip_is_within_three_tenths_of_a_millimetre_of_a_stroke(arm: FrankyArm, robot: FrankaRobot) -> None:
+def test_a_stroke_is_exact_even_upright_and_as_long_as_foretold_and_home_is_reached_from_above(
+    arm: FrankyArm, robot: FrankaRobot
+) -> None:
     stroke = a_stroke()
     robot.follow(Waypoints("above", stroke.position[:1], 0.1))
     since, moves = len(arm.joints()), arm.moves()
@@ -86,25 +88,28 @@ def test_the_tip_is_within_three_tenths_of_a_millimetre_of_a_stroke(arm: FrankyA
     assert arm.moves() == moves + 1, "a stroke is one motion"
     assert report.started_at < report.finished_at <= time.monotonic()
     tips = painted(arm, since)
+    joints = arm.joints()[since:][: len(tips)]
     assert np.sqrt((off_path(tips, stroke) ** 2).mean()) < 3e-4
     assert np.linalg.norm(off_path(stroke.position, Waypoints("", tips[::20], 1.0)).max()) < 1e-3  # and it paints all
     assert report.reached == pytest.approx(tips[-1], abs=2e-4)
     assert report.reached == pytest.approx(stroke.position[-1], abs=5e-4)
-
-
-def test_speed_is_kept_along_a_stroke_and_the_brush_stays_upright(arm: FrankyArm, robot: FrankaRobot) -> None:
-    stroke = a_stroke()
-    robot.follow(Waypoints("above", stroke.position[:1], 0.1))
-    since = len(arm.joints())
-    robot.follow(stroke)
-    tips = painted(arm, since)
-    joints = arm.joints()[since:]
     handle = tip_positions(joints, 0.0) - tip_positions(joints, BRUSH)
     assert np.degrees(np.arccos(handle[:, 2] / np.linalg.norm(handle, axis=1))).max() < 0.3
     pace = np.linalg.norm(tips[100:] - tips[:-100], axis=1) / 0.1
     middle = (tips[50:-50, 0] > 0.46) & (tips[50:-50, 0] < 0.50) & (tips[50:-50, 2] < 0.1)
     assert middle.sum() > 500
     assert pace[middle].min() > 0.9 * SPEED and pace[middle].max() < 1.1 * SPEED
+    # By the arm's own clock while it moves: a busy computer plans before for an unknown time.
+    moving = np.flatnonzero(np.linalg.norm(np.diff(tips, axis=0), axis=1) > 2e-6)
+    taken = (moving[-1] - moving[0]) / 1000
+    timing = robot.timing()
+    told = timing.seconds(stroke.position, np.full(len(stroke.position) - 1, stroke.speed)) + timing.between
+    rest = 0.5 - 0.2  # of `between`: half a second to stand, of which the simulated arm needs some
+    assert told - rest == pytest.approx(taken, rel=0.05)
+    since = len(arm.joints())
+    assert robot.home().reached == pytest.approx(HOME, abs=5e-4)
+    tips = painted(arm, since)
+    assert np.abs(tips[tips[:, 2] < 0.28][:, :2] - stroke.position[-1, :2]).max() < 2e-3
 
 
 @given(
@@ -133,14 +138,6 @@ def test_the_reach_that_is_known_before_is_that_of_the_arms_own_model(arm: Frank
         assert rotation == pytest.approx(robot.settings.upright, abs=1e-6)
     assert robot.reachable(places).all()
     assert not robot.reachable(np.array([[0.95, 0, 0.1], [0.1, 0, 0.1], [0.25, 0, 0.75]])).any()
-
-
-def test_home_goes_up_first(arm: FrankyArm, robot: FrankaRobot) -> None:
-    robot.follow(Waypoints("low", np.array([[0.5, 0.1, 0.12]]), 0.1))
-    since = len(arm.joints())
-    assert robot.home().reached == pytest.approx(HOME, abs=5e-4)
-    tips = painted(arm, since)
-    assert np.abs(tips[tips[:, 2] < 0.28][:, :2] - (0.5, 0.1)).max() < 2e-3
 
 
 @pytest.mark.parametrize(
@@ -330,19 +327,12 @@ def test_another_program_at_the_arm_is_told(
     robot.pose()
 
 
-@pytest.mark.parametrize("when", ["moving", "standing"])
-def test_an_arm_that_vanishes_is_disconnected(tmp_path: Path, when: str) -> None:
+def test_an_arm_that_vanishes_is_disconnected(tmp_path: Path) -> None:
     with FrankyArm(tmp_path, table=False) as arm:
         robot = connected(arm)
-        if when == "standing":
-            arm.kill()
-            with pytest.raises(RobotDisconnected, match=r"pose: the connection to the Franka at .* is lost"):
-                robot.pose()
-        else:
-            robot.follow(Waypoints("above", a_stroke().position[:1], 0.1))
-            threading.Timer(0.6, arm.kill).start()
-            with pytest.raises(RobotDisconnected, match=r"stroke 7: the connection to the Franka at .* is lost"):
-                robot.follow(a_stroke())
+        arm.kill()
+        with pytest.raises(RobotDisconnected, match=r"pose: the connection to the Franka at .* is lost"):
+            robot.pose()
         with pytest.raises(RobotError, match="does not move after its last fault"):
             robot.home()
         robot.close()
@@ -350,11 +340,8 @@ def test_an_arm_that_vanishes_is_disconnected(tmp_path: Path, when: str) -> None
             robot.connect()
 
 
-@pytest.mark.parametrize("start", [(0.2, 0.1, 0.4, -1.6, 0.3, 1.7, 0.5), (0.0, 0.0, 0.0, -2.2, 0.0, 2.4, 0.785)])
-def test_an_arm_that_was_guided_by_hand_comes_into_its_posture_in_place(
-    tmp_path: Path, start: tuple[float, ...]
-) -> None:
-    with FrankyArm(tmp_path, table=False, start=list(start)) as arm:
+def test_an_arm_that_was_guided_by_hand_comes_into_its_posture_in_place(tmp_path: Path) -> None:
+    with FrankyArm(tmp_path, table=False, start=[0.2, 0.1, 0.4, -1.6, 0.3, 1.7, 0.5]) as arm:
         robot = connected(arm)
         place = robot.pose()
         robot.follow(Waypoints("here", place[None], 0.1))
@@ -410,20 +397,6 @@ def test_a_touch_that_cannot_be_believed_is_refused(
             robot.touch(0.09, 0.06)
         with pytest.raises(RobotError, match="does not move after its last fault"):
             robot.home()
-
-
-def test_the_time_of_a_motion_is_foretold_within_five_percent(arm: FrankyArm, robot: FrankaRobot) -> None:
-    # By the arm's own clock while it moves: a busy computer plans before for an unknown time.
-    stroke = a_stroke()
-    robot.follow(Waypoints("above", stroke.position[:1], 0.1))
-    since = len(arm.joints())
-    robot.follow(stroke)
-    moving = np.flatnonzero(np.linalg.norm(np.diff(painted(arm, since), axis=0), axis=1) > 2e-6)
-    taken = (moving[-1] - moving[0]) / 1000
-    timing = robot.timing()
-    told = timing.seconds(stroke.position, np.full(len(stroke.position) - 1, stroke.speed)) + timing.between
-    rest = 0.5 - 0.2  # of `between`: half a second to stand, of which the simulated arm needs some
-    assert told - rest == pytest.approx(taken, rel=0.05)
 
 
 def test_an_examination_explains_the_arm_and_moves_nothing(arm: FrankyArm) -> None:

@@ -93,9 +93,12 @@ class AnyFirmware(ABC):
             return
         until, reset = time.monotonic() + FLOOD, self._was_reset
         self._listens = False
-        while time.monotonic() < until and self._hear(0.02) is not None:
+        while time.monotonic() < until and (
+            self._hear(0.02) is not None or (self._line.holds_part and self._hear(2 * SLICE) is not None)
+        ):
             pass
         self._listens = True
+        self._line.drop_part()  # else the next line would be taken for its end
         if self._was_reset and not reset:
             raise self._report_reset(label, None)
 

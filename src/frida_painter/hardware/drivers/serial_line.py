@@ -73,6 +73,15 @@ class SerialLine:
         line, self._rest = self._rest.split(b"\n", 1)
         return line.strip().decode("ascii", "replace")
 
+    @property
+    def holds_part(self) -> bool:
+        """True if the beginning of a line came and not yet its end."""
+        return bool(self._rest)
+
+    def drop_part(self) -> None:
+        """Forgets the beginning of a line whose end was lost, because nobody read and the system's buffer was full."""
+        self._rest = b""
+
     def stop_line(self, content: bytes) -> StopLine | None:
         """Returns the open port with the bytes that stop its machine; None once it is closed."""
         try:
