@@ -22,7 +22,7 @@ from frida_painter.web.jobs import (
     Calibration,
     CalibrationRequest,
     Imagining,
-    Job,
+    JobState,
     Setup,
     SetupRequest,
     Teaching,
@@ -175,7 +175,7 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
     assert started == ["calibration"] * 2
 
 
-BEGUN: list[tuple[type[Job], Any]] = [
+BEGUN: list[tuple[type[JobState], Any]] = [
     (Calibration, events.CalibrationStarted(["canvas"])),
     (Setup, SetupStarted()),
     (Teaching, events.TeachingStarted("hook")),
@@ -184,7 +184,7 @@ BEGUN: list[tuple[type[Job], Any]] = [
 
 
 @pytest.mark.parametrize(("job", "begun"), BEGUN, ids=[job.name for job, _ in BEGUN])
-def test_a_process_that_ended_without_a_word_is_told_with_its_remedy(job: type[Job], begun: Any) -> None:
+def test_a_process_that_ended_without_a_word_is_told_with_its_remedy(job: type[JobState], begun: Any) -> None:
     state, rests = job(), Truth(working=False)
 
     def trouble(truth: Truth = rests) -> str:

@@ -83,6 +83,7 @@ def opens(browser: Browser, studio: OpenStudio) -> Open:
         with window(browser, studio, width, height, **more) as page:
             lead(page)
             yield page
+            page.unroute_all(behavior="ignoreErrors")
 
     return opens
 
@@ -476,6 +477,7 @@ def test_a_machine_is_set_up_on_a_phone_left_and_continued_at_a_desk_by_keyboard
         with opens() as desk:
             tab_to(desk, "Set up a machine")
             desk.keyboard.press("Enter")
+            expect(desk.get_by_role("button", name="Continue", exact=True)).to_be_visible()
             studio.press_enter()
             tab_to(desk, "^Continue$")
             desk.keyboard.press("Enter")
@@ -648,7 +650,7 @@ def test_in_a_pause_parts_are_protected_and_turns_agreed_on(opens: Open, studio:
         form.get_by_label("stays as it is").check()
         form.locator("input[type=range]:visible").fill("2")
         keep(page, "turn-form")
-        press(page, "Take turns")
+        form.get_by_role("button", name="Take turns").click()
         assert said(painting.folder, TakeTurns) == TakeTurns(2, 0.0, "continue", "protect")
 
 
@@ -665,7 +667,7 @@ def said(folder: PaintingFolder, kind: type[Any]) -> Any:
 def stroke(page: Page, *through: tuple[float, float]) -> None:
     """A line through these places with the mouse, in shares of the pad's window."""
     page.locator(".pad").scroll_into_view_if_needed()
-    box = page.locator(".pad canvas").bounding_box()
+    box = page.locator(".pad").bounding_box()
     assert box is not None
     places = [(box["x"] + x * box["width"], box["y"] + y * box["height"]) for x, y in through]
     page.mouse.move(*places[0])
@@ -798,12 +800,12 @@ def test_what_happens_elsewhere_is_seen_queued_told_and_stopped_from_the_gallery
             expect(queue).to_be_hidden()
         place = stop.bounding_box()
         (painting.folder.painting / "journal").write_text("")
-        Image.new("RGB", (64, 48), (200, 30, 30)).save(painting.folder.camera)
         with painting.at_work():
             expect(stop).to_have_class(live)
             assert stop.bounding_box() == place  # it is always where one reaches for it
             sees(desk, "being painted")
             with_more(desk, lambda facts: facts.update(camera=True))
+            Image.new("RGB", (64, 48), (200, 30, 30)).save(painting.folder.camera)
             painting.show(desk)
             seen = desk.get_by_alt_text("What the camera sees now")
             expect(seen).to_be_visible()

@@ -106,7 +106,7 @@ class TeachingRequest(KeptRequest):
 
 
 @dataclass
-class Job:
+class JobState:
     """State of a job.
 
     question: open question, in the form of web/painter.py.
@@ -203,7 +203,7 @@ class ProcedureState:
 
 
 @dataclass
-class Calibration(Job):
+class Calibration(JobState):
     """State of all procedures of an easel."""
 
     name, request, started = "calibration", CalibrationRequest, events.CalibrationStarted
@@ -257,7 +257,7 @@ _MAX_REMARKS = 6
 
 
 @dataclass
-class Setup(Job):
+class Setup(JobState):
     """State of the setup of a machine.
 
     stands: machine, steps and table, in the form of `SetupStands`; None before a machine was chosen.
@@ -307,7 +307,7 @@ class Setup(Job):
 
 
 @dataclass
-class Teaching(Job):
+class Teaching(JobState):
     """State of teaching a stroke.
 
     family: name of the family that is being learned, or was learned last.
@@ -337,7 +337,7 @@ class Teaching(Job):
 
 
 @dataclass
-class Imagining(Job):
+class Imagining(JobState):
     """State of making pictures from words.
 
     words, maker: of the making that is at work, or was last.
@@ -375,4 +375,4 @@ def _show(made: making_events.PicturesMade) -> dict[str, Any]:
     return {**asdict(made), "pictures": pictures}
 
 
-JOBS: dict[str, type[Job]] = {job.name: job for job in (Calibration, Setup, Teaching, Imagining)}
+JOBS: dict[str, type[JobState]] = {job.name: job for job in (Calibration, Setup, Teaching, Imagining)}

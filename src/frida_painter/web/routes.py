@@ -25,7 +25,7 @@ from starlette.types import Message, Receive, Scope, Send
 from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.web.commands import Command, Reply, Role
-from frida_painter.web.jobs import JOBS, Imagining, Job
+from frida_painter.web.jobs import JOBS, Imagining, JobState
 from frida_painter.web.picture_choosing import ChosenPicture, MakingRequest
 from frida_painter.web.security import Led, Session, refuse
 from frida_painter.web.state import MAX_TOPICS, EventStream
@@ -221,7 +221,7 @@ def control_routes(studio: Studio) -> APIRouter:
 # Routes for jobs beside paintings.
 
 
-def job_routes(studio: Studio, job: type[Job]) -> APIRouter:
+def job_routes(studio: Studio, job: type[JobState]) -> APIRouter:
     """Returns the routes of a job: its request, its state, answers to its questions, and its pictures."""
     router, leader = APIRouter(prefix=f"/api/{job.name}"), Depends(leader_at(studio))
     giver = leader if job is not Imagining else Depends(may_plan)

@@ -16,7 +16,7 @@ from frida_painter.runs.shares import family_shares
 from frida_painter.session.events import PlanRequested, TakenUp
 from frida_painter.web import commands, picture_choosing, studio_folder
 from frida_painter.web.commands import Command, Reply, Role
-from frida_painter.web.jobs import JOBS, Imagining, Job, Setup, TeachingRequest
+from frida_painter.web.jobs import JOBS, Imagining, JobState, Setup, TeachingRequest
 from frida_painter.web.pace import LAST, WorkTimes, find_pace
 from frida_painter.web.painting_state import PaintingState, Status, tell_status
 from frida_painter.web.picture_choosing import AllowedMakers, ChosenPicture, MakingOrder, MakingRequest
@@ -133,7 +133,7 @@ class Studio:
         shown = self.feeds.current(entry.folder, PaintingState)
         return {"id": entry.id, "title": entry.title, "begun": entry.begun, **shown}
 
-    def job(self, job: type[Job]) -> dict[str, Any]:
+    def job(self, job: type[JobState]) -> dict[str, Any]:
         """Returns the state of a job, as the page shows it."""
         return self.feeds.current(self.store.job(job.name), job)
 
@@ -319,7 +319,7 @@ class Studio:
 
     # Orders for jobs beside paintings.
 
-    def begin_job(self, job: type[Job], request: KeptRequest | MakingRequest, by: Session) -> None:
+    def begin_job(self, job: type[JobState], request: KeptRequest | MakingRequest, by: Session) -> None:
         """Starts a job; no request names a program. A setup moves a real machine, at every easel."""
         order = self._complete(request)
         folder = self.store.job(job.name)
@@ -345,7 +345,7 @@ class Studio:
             raise ConfigError(f"There is a stroke family {request.name!r} already; give yours another name.")
         return request
 
-    def answer_job(self, job: type[Job], given: Reply, by: Session) -> None:
+    def answer_job(self, job: type[JobState], given: Reply, by: Session) -> None:
         """Answers a question of a job, moves brush or tip as asked, or leaves the setup."""
         self.store.note(by.id, job.name, f"answer: {given.words}")
         _hand_on(given, self.store.job(job.name), self.job(job)["question"], by.id)
