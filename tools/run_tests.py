@@ -121,7 +121,8 @@ def tell_seconds(times: str) -> str:
     """
     rooms = Counter[str]()
     for processor, _, name in (line.split(" ", 2) for line in times.splitlines()):
-        rooms[name.split("/")[1] if name.count("/") > 1 else "single modules"] += float(processor)
+        _, *folders, _ = name.split("::")[0].split("/")
+        rooms[folders[0] if folders else "single modules"] += float(processor)
     each = ", ".join(f"{room} {took:.0f}" for room, took in rooms.most_common())
     return f"Seconds of a processor: {sum(rooms.values()):.0f} in all. {each}"
 
