@@ -40,6 +40,7 @@ def test_all_experiments_are_listed_with_what_they_are_for(say: Say) -> None:
     assert all(len(line.split()) > 5 for line in lines.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS, ids=[row.name for row in ROWS])
 @pytest.mark.parametrize("quick", [False, True])
 def test_a_row_opens_its_experiment_with_what_it_needs(row: ExperimentRow, quick: bool) -> None:

@@ -140,6 +140,7 @@ def test_words_are_ranked_among_all_classes_and_exactly_one_painting_comes_first
     assert every[0]["probability"] == pytest.approx(float(logs[954].exp()), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_styles_are_judged_by_features_that_nobody_optimised(studio: MadeUp, target: Any) -> None:
     network = QuickEncoders().meaning()
     outcome = Style(**judged(judge_network=network, photos=(target("cat"),), styles=(target("waves"),))).run()

@@ -247,9 +247,9 @@ class StrokeModels(LibraryExperiment):
                 "standard deviation": float(its.std(ddof=1)),
                 "best stroke": float(its.min()),
                 "worst stroke": float(its.max()),
-                f"better than {BEZIER} on": None if test is None else f"{test.more} of {len(its)}",
-                "p, paired t-test": None if test is None else test.t,
-                "p, Wilcoxon": None if test is None else test.wilcoxon,
+                f"better than {BEZIER} on": f"{test.more} of {len(its)}" if test else None,
+                "p, paired t-test": test.t if test else None,
+                "p, Wilcoxon": test.wilcoxon if test else None,
             })  # fmt: skip
         return [ResultTable(f"Mean absolute error on {len(self.split[1])} strokes held out", rows)]
 

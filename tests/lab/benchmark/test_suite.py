@@ -6,6 +6,7 @@ from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.lab.benchmark import suite
 from frida_painter.lab.benchmark.suite import BUDGETS, GOALS, PICTURES, find_budget, find_goal, suite_digest
+from frida_painter.runs.spec import RunSpec
 
 FROZEN = "e2bb2287624a7efec6230b44e1cbada385864315a775b3d1e4cd20cdd0d4f381"
 """Of version v1. A change of pictures, goals, budgets or seeds is a new version, never an edit."""
@@ -29,13 +30,14 @@ def test_it_has_24_pictures_of_every_kind_and_12_goals(tmp_path):
     assert set(PICTURES) <= named, "each has its author and licence"
 
 
-def test_every_goal_is_a_goal_of_the_project(tmp_path):
-    from frida_painter.runs.spec import RunSpec
-
+def test_every_goal_is_a_goal_of_the_project_and_every_budget_has_its_strokes(tmp_path):
     for name in GOALS:
         goal = find_goal(name, tmp_path)
         spec = RunSpec.of(goal=[dict(item) for item in goal.items], canvas=goal.canvas)
         assert len(spec.goal) == 2 and goal.picture is None
+    assert [find_budget(strokes).strokes for strokes in BUDGETS] == [100, 300, 1000]
+    with pytest.raises(ConfigError, match="budgets are 100, 300, 1000"):
+        find_budget(200)
 
 
 def test_an_edited_picture_is_refused(tmp_path, monkeypatch):
@@ -78,9 +80,3 @@ def test_an_own_picture_has_a_canvas_of_its_proportions(tmp_path):
     images.save(torch.zeros(3, 20, 200), path)
     with pytest.raises(ConfigError, match="four times"):
         find_goal(str(path), tmp_path)
-
-
-def test_budgets_are_found_by_their_strokes():
-    assert [find_budget(strokes).strokes for strokes in BUDGETS] == [100, 300, 1000]
-    with pytest.raises(ConfigError, match="budgets are 100, 300, 1000"):
-        find_budget(200)
