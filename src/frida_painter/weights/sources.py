@@ -115,7 +115,9 @@ def list_files(source: str, pattern: re.Pattern[str] | None = None) -> tuple[Pub
         )
     except Exception as cause:  # the hub's library raises errors of several others
         why = (str(cause).strip().splitlines() or [type(cause).__name__])[0][:160].rstrip(".")
-        raise WeightsError(f"{hub_endpoint()} does not tell its files ({why})") from cause
+        status = getattr(getattr(cause, "response", None), "status_code", None)
+        said = f"cannot be reached ({why})" if status is None else f"answers {status} for {repository}"
+        raise WeightsError(f"{hub_endpoint()} {said}") from cause
     are_pinned = all(_HASH.fullmatch(file.sha256) and file.size > 0 for file in files)
     if pattern is not None and not (files and told.sha == revision and are_pinned):
         raise WeightsError("it does not list the files of that revision with their sizes and hashes")
