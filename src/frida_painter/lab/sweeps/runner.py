@@ -175,9 +175,9 @@ def sweep(
     refuse_many(spec, most)
     place = SweepFolder(Path(folder) if folder is not None else default_folder(spec))
     limits = TaskLimits(spec.time_limit, spec.threads, spec.memory, spec.tries)
+    hashes = FileHashes(place.read_request()[1] if place.is_begun else None)
+    runs = expand_runs(spec, hashes)  # a wrong sweep is refused before its folder is made
     with place.lock():
-        hashes = FileHashes(place.read_request()[1] if place.is_begun else None)
-        runs = expand_runs(spec, hashes)
         done = fold(place, spec, runs, 1).records
         left = [run for run in runs if run.key not in done]
         slots = max(1, min(slots_here(limits, jobs), len(left)))
