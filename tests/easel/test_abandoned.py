@@ -214,8 +214,8 @@ def test_a_process_that_is_killed_while_nothing_is_asked_of_it_is_missed_at_once
         easel = process.open(order)
         easel.robot.connect()
         kill(process)
-        until(lambda: latches(order.state))
-        assert process.stopped and played.heard()
+        until(lambda: latches(order.state) and process.stopped)
+        assert played.heard()
         for _ in range(2):
             with pytest.raises(RobotAbandoned):
                 easel.robot.home()

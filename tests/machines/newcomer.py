@@ -131,16 +131,14 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, clock: Simu
     yield
 
 
-def rehearse(person: Newcomer, preset: str, tell: Callable[[SetupEvent], None], canvas: CanvasSize = CANVAS) -> None:
-    lead_setup(SetupOrder(preset=preset, canvas=canvas, folder=person.folder), person.answer, tell)
+def rehearse(person: Newcomer, preset: str, tell: Callable[[SetupEvent], None]) -> None:
+    lead_setup(SetupOrder(preset=preset, canvas=CANVAS, folder=person.folder), person.answer, tell)
 
 
-def check_files(
-    folder: Path, preset: str, touch: float, canvas: CanvasSize = CANVAS, near: float = 3.1e-4
-) -> WorkcellConfig:
+def check_files(folder: Path, preset: str, touch: float, near: float = 3.1e-4) -> WorkcellConfig:
     """The files say what was true of the table; the canvas was first proposed by the preset."""
     workcell, record = WorkcellConfig.load(folder / "workspace.toml"), Calibration.load(folder / "calibration.json")
-    proposed = machine_setup.Layout.propose(find_preset(preset), canvas=canvas)
+    proposed = machine_setup.Layout.propose(find_preset(preset), canvas=CANVAS)
     assert workcell.workspace.canvas_origin[:2] == pytest.approx(np.array(proposed.corner[:2]) + BESIDE, abs=near)
     assert record.touch_height == pytest.approx(touch, abs=max(near, 3e-4))
     assert record.touch_height - record.press_height == pytest.approx(-PRESSED, abs=max(near, 4e-4))
