@@ -24,10 +24,9 @@ from frida_painter.web.studio_folder import PaintingFolder
 from served import PATIENCE, Served, Work, end_listener, open_studio
 
 
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    """A studio for all tests that leave it open."""
-    with opened(tmp_path_factory.mktemp("studio") / "paintings") as served:
+@pytest.fixture
+def studio(tmp_path: Path) -> Iterator[Served]:
+    with opened(tmp_path / "paintings") as served:
         yield served
 
 
