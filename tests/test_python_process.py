@@ -131,10 +131,8 @@ def test_every_process_of_ours_is_in_the_table() -> None:
     run = {path for path in ROOT.rglob("*.py") if re.search("^if __name__ ==", path.read_text(encoding="utf-8"), re.M)}
     run.remove(ROOT / "__main__.py")
     modules = {".".join(("frida_painter", *path.relative_to(ROOT).with_suffix("").parts)): path for path in run}
-    assert {modules.get(child, Path(child)) for child in CHILDREN} == run | {
-        Path("pip"),
-        Path("huggingface_hub.cli.hf"),
-    }
+    of_others = {Path("pip"), Path("huggingface_hub.cli.hf")}
+    assert {modules.get(child, Path(child)) for child in CHILDREN} == run | of_others
 
 
 def test_the_environment_has_no_folders_relative_to_the_current_one(
