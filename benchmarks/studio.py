@@ -158,7 +158,7 @@ def first_page(here: Studio) -> float:
             context = browser.new_context()
             page, at = context.new_page(), time.monotonic()
             page.goto(f"http://{here.host}/?token={here.token}")
-            page.get_by_text("What shall we paint?").wait_for(timeout=20_000)
+            page.get_by_role("link", name="New painting").wait_for(timeout=20_000)
             took.append(1000 * (time.monotonic() - at))
             context.close()
         browser.close()
