@@ -8,7 +8,7 @@ from pathlib import Path
 
 import frida_painter
 
-CODE = Path(frida_painter.__file__).parent
+CODE = Path(frida_painter.__file__).parents[1]
 TESTS = Path(__file__).parent
 KEPT = TESTS.parent / ".pytest_cache" / "made"
 MAX_KEPT = 3  # states of the code
@@ -18,7 +18,7 @@ MAX_KEPT = 3  # states of the code
 def made_by_this_code() -> Path:
     """The folder of what the present code makes, named by the hash of its files; the oldest states leave."""
     told = hashlib.sha256()
-    for path in sorted((*CODE.rglob("*.py"), *TESTS.glob("*.py"), *(TESTS / "support").glob("*.py"))):
+    for path in sorted((*CODE.glob("frida_painter*/**/*.py"), *TESTS.glob("*.py"), *(TESTS / "support").glob("*.py"))):
         told.update(f"{path.name} {path.stat().st_size}\n".encode() + path.read_bytes())
     folder = KEPT / told.hexdigest()[:16]
     folder.mkdir(parents=True, exist_ok=True)

@@ -11,6 +11,7 @@ from PIL import Image
 from frida_painter import compiled
 from frida_painter.compiled import LOOPS, LoopCompiler, await_loops
 from support import data
+from test_house import SOURCES as EVERY_SOURCE
 
 SOURCES = Path(compiled.__file__).parent
 
@@ -47,7 +48,7 @@ def one_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_every_module_of_loops_is_compiled_before_it_is_needed_but_the_studios() -> None:
     """Those, the easel's process compiles (tests/virtual/test_kernels.py)."""
-    with_loops = {path for path in SOURCES.rglob("*.py") if "from numba import" in path.read_text()}
+    with_loops = {path for path in EVERY_SOURCE if "from numba import" in path.read_text()}
     named = {SOURCES / f"{name.replace('.', '/')}.py" for half in LOOPS for name in half}
     assert {path for path in with_loops if "virtual" not in path.parts} == named
 

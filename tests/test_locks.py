@@ -17,8 +17,7 @@ from frida_painter.lab.sweeps.sweep_folder import RunFolder, SweepFolder
 from frida_painter.web import network
 from frida_painter.web.network import WebAppLock
 from frida_painter.web.studio_folder import PaintingFolder, WorkerLock
-
-SOURCES = Path(locks.__file__).parent
+from test_house import SOURCES, place_of
 
 
 @contextmanager
@@ -112,7 +111,7 @@ def test_nobody_else_can_open_a_lock_file(tmp_path: Path) -> None:
 
 def test_no_lock_is_taken_in_another_way() -> None:
     """Else there would be a wait without an end."""
-    texts = {path.relative_to(SOURCES).as_posix(): path.read_text() for path in SOURCES.rglob("*.py")}
+    texts = {place_of(path): path.read_text() for path in SOURCES}
     assert {name for name, text in texts.items() if re.search(r"\bfcntl\b|\blockf\b|\block_descriptor\b", text)} == {
         "locks.py"
     }

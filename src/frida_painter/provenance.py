@@ -30,7 +30,7 @@ def describe_here(device: str = "cpu") -> dict[str, str]:
     home = Path(__file__).parent
     return {
         PROGRAM: version(PROGRAM),
-        "code": hash_code(home),
+        "code": " ".join(hash_code(package) for package in (home, *sorted(home.parent.glob("frida_painter_*")))),
         "python": platform.python_version(),
         **{name: version(name) for name in LIBRARIES},
         **describe_plugins(),

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import frida_painter
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import PoseMismatch, RobotDisconnected, WorkspaceViolation
 from frida_painter.hardware.gateway import RobotGateway
@@ -14,11 +13,11 @@ from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import ArmLength, MotionReport, Waypoints
 from hardware.misbehaving import Hang, MisbehavingRobot
 from support.easel import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, stub_easel
+from test_house import SOURCES, place_of
 
-ROOT = Path(frida_painter.__file__).parent
-ABOVE_THE_HARDWARE = ("session", "report", "export", "runs", "experiments", "cli", "web")
-# Painting by hand stands for the robot itself: it passes a motion on when the person has made it.
-STAND_FOR_A_ROBOT = {"session/human.py"}
+# Each of these stands for a robot and passes a motion on: the gateway, the guard of its process, painting by hand when
+# the person has made it, and the studio for a person who tries it.
+STAND_FOR_A_ROBOT = {"easel/guard.py", "hardware/gateway.py", "session/human.py", "virtual/studio.py"}
 MIDDLE = WORKSPACE.to_robot(np.array([[CANVAS.width / 2, CANVAS.height / 2]]), np.array([0.1]))[0]
 
 
@@ -140,12 +139,9 @@ def moves(source: str) -> list[int]:
 
 
 @pytest.mark.slow
-def test_nothing_above_the_hardware_moves_a_robot_but_through_the_gateway() -> None:
-    sources = [path for part in ABOVE_THE_HARDWARE for path in sorted((ROOT / part).rglob("*.py"))]
-    assert len(sources) > 50
-    moving = {path.relative_to(ROOT).as_posix(): lines for path in sources if (lines := moves(path.read_text("utf-8")))}
+def test_nothing_moves_a_robot_but_through_the_gateway() -> None:
+    moving = {place_of(path): lines for path in SOURCES if (lines := moves(path.read_text("utf-8")))}
     assert set(moving) == STAND_FOR_A_ROBOT, moving
-    assert moves((ROOT / "hardware/gateway.py").read_text("utf-8")), "and the gateway does"
 
 
 @pytest.mark.parametrize(
