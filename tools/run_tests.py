@@ -44,7 +44,7 @@ GROUP = 60.0  # seconds of a processor that the tests of a group take, more or l
 QUICK_GROUP = 12.0
 ANY_TEST = 0.03  # seconds of a processor that a test function takes that is not in tests/seconds.txt
 QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
-# What is loaded once.
+# Modules that are loaded once.
 LARGE = (
     *("torch", "numba", "scipy.stats", "cv2", "pydantic", "transformers"),
     *("hypothesis.strategies", "hypothesis.extra.numpy"),

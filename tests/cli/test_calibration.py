@@ -17,6 +17,8 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.virtual.studio import open_studio
 from support.commandline import Command
 
+TRUE_PHOTOGRAPHS = True
+
 STUDIO = ("--canvas", "160x120mm", "--brush", "fine", "--seed", "3")
 ASKEW = ("--placement-error", "4mm,2deg")
 

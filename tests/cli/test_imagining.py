@@ -20,7 +20,6 @@ from tiny_pipelines import fetch_imagine
 PAINTER = """
 import sys
 from PIL import Image, ImageDraw
-from support.commandline import Command
 words, seed, out = sys.argv[1], int(sys.argv[2]), sys.argv[3]
 picture = Image.new("RGB", (64, 48), (120, 170, 220))
 ImageDraw.Draw(picture).rectangle((10 * seed, 10, 10 * seed + 8, 40), fill=(200, 40, 30))

@@ -7,6 +7,8 @@ from frida_painter import images
 from frida_painter.brush.library import StrokeLibrary
 from marks import small_library
 
+TRUE_PHOTOGRAPHS = True
+
 
 def test_a_library_is_painted_with_its_contact_sheet(call, tmp_path):
     status, said, _ = call("strokes", "paint", "--brush", "fine", "--count", 2, "--out", "mine.npz")

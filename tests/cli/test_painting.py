@@ -20,6 +20,8 @@ from killing import ForkedCommand
 from support import data
 from support.commandline import Command
 
+TRUE_PHOTOGRAPHS = True
+
 Run = Callable[..., str]
 SMALL = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine")
 
@@ -81,6 +83,7 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
         assert len(list(csv.reader(file))) == 15
 
 
+@pytest.mark.usefixtures("in_small_world")
 def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path) -> None:
     for name, seed in (("one", 4), ("same", 4), ("other", 5)):
         run("plan", photo, "--strokes", 5, "--colors", 2, *SMALL, "--seed", seed, "--out", name)
@@ -88,6 +91,7 @@ def test_the_same_seed_makes_the_same_plan(run: Run, photo: Path, tmp_path: Path
     assert one == same != other
 
 
+@pytest.mark.usefixtures("in_small_world")
 def test_settings_come_from_a_file_and_the_canvas_turns_with_the_picture(run: Run, photo: Path, tmp_path: Path) -> None:
     (tmp_path / "my.toml").write_text(
         'strokes = 4\ncolors = 2\nseed = 1\neffort = 0.05\nrender_height = 64\nbrush = "fine"\n'
@@ -129,6 +133,7 @@ def test_help_is_written_for_painters(run: Run) -> None:
         assert not words & jargon, words & jargon
 
 
+@pytest.mark.usefixtures("in_small_world")
 @pytest.mark.skipif(os.name == "nt", reason="signals are sent otherwise there")
 def test_ctrl_c_stops_after_the_stroke_and_keeps_what_was_made(photo: Path, tmp_path: Path) -> None:
     folder = tmp_path / "painted"

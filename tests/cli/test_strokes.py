@@ -16,6 +16,8 @@ from frida_painter.teaching.param2stroke import Param2Stroke
 from marks import small_library
 from plugins import install
 
+TRUE_PHOTOGRAPHS = True
+
 
 @pytest.fixture
 def run(tmp_path, call):

@@ -12,6 +12,8 @@ from frida_painter.runs.settle import IN_LAYERS, IN_ONE_LAYER, brushes_of, choic
 from frida_painter.runs.spec import RunSpec
 from support.planning import picture
 
+TRUE_PHOTOGRAPHS = True
+
 SMALL = {"colors": 2, "render_height": 64, "effort": 0.1, "film": False, "replans": 1}
 
 

@@ -12,6 +12,8 @@ from frida_painter.runs.goals import make_goal
 from frida_painter.runs.settle import fit_canvas
 from frida_painter.runs.spec import RunSpec
 
+TRUE_PHOTOGRAPHS = True
+
 
 @pytest.fixture
 def square(tmp_path: Path) -> Goal:

@@ -11,6 +11,8 @@ from frida_painter.session.progress import Painting
 from support.easel import CALIBRATION, CANVAS
 from support.plans import made_up_plan
 
+TRUE_PHOTOGRAPHS = True
+
 PLAN = made_up_plan(4, 2)
 FINISHED = Painting(torch.ones(3, 4, 4), 4, PLAN.part(slice(4, None)))
 LEARNED = Placement((0.002, -0.001, 0.01), Placement.unknown().information, Placement.unknown({"small": 0.01}).touch)

@@ -22,6 +22,8 @@ from support import data
 from support.commandline import run_command
 from support.telephone import taken
 
+TRUE_PHOTOGRAPHS = True
+
 STROKES, PAUSED = 12, 6
 
 

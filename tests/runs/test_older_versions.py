@@ -21,6 +21,8 @@ from frida_painter.web.painting_state import PaintingState
 from frida_painter.web.state import FeedStates
 from frida_painter.web.studio_folder import Feed, PaintingFolder
 
+TRUE_PHOTOGRAPHS = True
+
 OLDER = Path(__file__).parents[1] / "older"
 
 

@@ -48,6 +48,8 @@ from marks import coarse_table
 from support.plans import made_up_strokes
 from support.plotter import PLOTTER
 
+TRUE_PHOTOGRAPHS = True
+
 COUNT, KILLED = 100, 41  # strokes; the one in which it is killed
 SIZE = CanvasSize(0.14, 0.1)
 FAST, SLOW = 400.0, 0.02  # times as fast as real; slow enough to be stopped within a stroke

@@ -9,6 +9,8 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import EvenlySpaced, EveryNth, looks_on_the_way
 from frida_painter.virtual.paint import BANDS, absorption_and_scattering, film_over, to_srgb
 
+TRUE_PHOTOGRAPHS = True
+
 
 @pytest.mark.parametrize(
     ("replans", "layers", "looks"),
