@@ -190,7 +190,7 @@ def _middle(image: Tensor, rows: int, columns: int) -> Tensor:
 def gaussian_blur(picture: Tensor, spread: float) -> Tensor:
     """Blurs a picture [c, h, w] with a Gaussian of standard deviation `spread` > 0 pixels; edge pixels are repeated."""
     reach = max(1, round(2.5 * spread))
-    steps = torch.arange(-reach, reach + 1).to(picture)
+    steps = torch.arange(-reach, reach + 1, dtype=picture.dtype, device=picture.device)
     kernel = torch.exp(-steps.square() / (2 * spread**2))
     kernel = kernel / kernel.sum()
     padded = functional.pad(picture[:, None], (reach,) * 4, mode="replicate")
