@@ -21,7 +21,6 @@ def program(monkeypatch: pytest.MonkeyPatch):
     return lambda name: load_program(BENCHMARKS / f"{name}.py")
 
 
-@pytest.mark.slow
 def test_the_comparator_paints_what_the_renderer_paints(program):
     size, network = CanvasSize(0.3556, 0.2794), load_stroke_model("broad")
     strokes = uniform(12, network.limits, size, torch.Generator().manual_seed(0))
@@ -34,7 +33,6 @@ def test_the_comparator_paints_what_the_renderer_paints(program):
     assert (theirs - ours).abs().mean() < 0.002
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["render", "iteration"])
 def test_a_quick_run_writes_its_section_and_leaves_the_others(name, program, tmp_path, in_small_world, capsys):
     report = program("report")

@@ -35,8 +35,6 @@ from machines.xarm_box import XarmBox, use_ports
 from session.easel_errands import kill, until
 from support.plotter import PLOTTER
 
-pytestmark = pytest.mark.slow
-
 SIZE = CanvasSize(0.14, 0.1)
 ARM_SIZE = example().replace("width = 0.3556", "width = 0.14").replace("height = 0.2794", "height = 0.1")
 

@@ -354,7 +354,6 @@ def test_a_slow_robot_is_waited_for(tmp_path: Path) -> None:
     assert 0.009 * (report.finished_at - report.started_at) <= time.monotonic() - began
 
 
-@pytest.mark.slow
 def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_path: Path) -> None:
     """Fault F10: stops at any moment, twice, and while stopping.
 

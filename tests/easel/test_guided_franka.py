@@ -18,8 +18,6 @@ from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from machines.franky_arm import BRUSH, FrankyArm, tip_positions
 
-pytestmark = pytest.mark.slow
-
 
 def test_the_tip_of_a_guided_franka_is_recorded_and_nothing_moves_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

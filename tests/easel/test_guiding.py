@@ -66,7 +66,6 @@ def poses(way: np.ndarray, lean: float, length: float = BRUSH) -> np.ndarray:
     return np.c_[1000 * (way + lever), angles]
 
 
-@pytest.mark.slow
 def test_marks_of_a_guided_xarm_are_those_of_the_hand(
     box: XarmBox, workcell: WorkcellConfig, state: Path, tmp_path: Path
 ) -> None:

@@ -106,7 +106,6 @@ def order(tmp_path: Path, **values: object) -> EaselOrder:
     return EaselOrder(**{**known, **values})  # type: ignore[arg-type]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("ground", [(0.7, 0.5, 0.15), (0.2, 0.25, 0.7)])
 def test_a_studio_is_delivered_with_a_camera_that_sees_a_deep_ground_as_it_is(
     tmp_path: Path, ground: tuple[float, float, float]

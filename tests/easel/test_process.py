@@ -32,7 +32,6 @@ def look(easel: Easel) -> str:
     return hashlib.sha256(frame.image.tobytes()).hexdigest() + f" {frame.captured_at} {frame.sequence}"
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("fresh_easel")
 def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_path: Path) -> None:
     order = order_in(tmp_path / "one")
@@ -53,7 +52,6 @@ def test_the_painting_is_the_same_to_the_byte_and_so_is_all_that_is_known(tmp_pa
         assert look(away)  # nothing of it broke the link
 
 
-@pytest.mark.slow
 def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
     whole, broken = order_in(tmp_path / "whole"), order_in(tmp_path / "broken")
     with easel_of(whole) as (easel, _):
@@ -71,7 +69,6 @@ def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
     assert (tmp_path / "whole" / SIMULATION_LOG).read_bytes() != b""
 
 
-@pytest.mark.slow
 def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Path) -> None:
     with EaselLaunch() as launch, EaselProcess(launch) as process:
         process.open(order_in(tmp_path)).robot.connect()
@@ -87,7 +84,6 @@ def test_a_process_that_was_started_and_taken_over_by_nobody_ends_with_its_block
     assert launch.process.poll() == -signal.SIGKILL
 
 
-@pytest.mark.slow
 def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
     for settings, says in (({"brushes": ("broom",)}, "no brush 'broom'"), ({"robot": "golem"}, "no robot 'golem'")):
         began = time.monotonic()
@@ -96,7 +92,6 @@ def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
         assert time.monotonic() - began < 60
 
 
-@pytest.mark.slow
 def test_a_robot_that_another_process_has_is_busy_and_free_when_that_one_is_dead(tmp_path: Path) -> None:
     """Fault F32: two painters, one robot."""
     order = order_in(tmp_path)

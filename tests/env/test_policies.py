@@ -18,7 +18,6 @@ def env():
     return gymnasium.make("renderer/strokes-v1", goal=GOAL, **SMALL)
 
 
-@pytest.mark.slow
 def test_the_greedy_one_is_nearer_than_chance_and_the_planner_than_the_greedy_one(env):
     task = env.unwrapped.task
     policies = RandomPolicy(0), GreedyPolicy(task, 32), PlannerPolicy(task, every=4, effort=0.2)
@@ -39,7 +38,6 @@ def test_the_same_seed_gives_the_same_strokes(env):
     assert one == other and one[0].minutes is None and one[0].strokes == 8
 
 
-@pytest.mark.slow
 def test_the_planner_paints_batches_in_the_studio():
     env = gymnasium.make("studio/plans-v1", goal=GOAL, batch=4, **SMALL)
     (painted,) = play(env, PlannerPolicy(env.unwrapped.task, every=1, effort=0.2, batch=4), (0,))

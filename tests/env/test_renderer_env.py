@@ -33,7 +33,6 @@ def same(one, other):
         assert np.asarray(one[name]).tobytes() == np.asarray(other[name]).tobytes(), name
 
 
-@pytest.mark.slow
 def test_gymnasium_finds_no_fault_with_it():
     with np.errstate(all="raise"):
         check_env(gymnasium.make("renderer/strokes-v1", render_mode="rgb_array", **SMALL).unwrapped)
@@ -222,7 +221,6 @@ def test_the_judge_of_structure_needs_room_for_its_windows():
     assert np.isfinite(it.reset(seed=0)[1]["score"])
 
 
-@pytest.mark.slow
 def test_many_processes_paint_as_one_does(env):
     """Processes are forked after this one has painted, with its threads and compiled loops."""
     env.reset(seed=0)
@@ -271,7 +269,6 @@ print("all there")
 """
 
 
-@pytest.mark.slow
 def test_forked_processes_read_pictures_plan_and_paint(tmp_path):
     """They would wait for ever for threads of libvips and of PyTorch, which a fork leaves behind."""
     paths = [tmp_path / "first.png", tmp_path / "second.png"]

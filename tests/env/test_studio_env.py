@@ -26,14 +26,12 @@ def env():
     made.close()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", ["studio/strokes-v1", "studio/plans-v1"])
 def test_gymnasium_finds_no_fault_with_it(name):
     batch = {"batch": 3} if name == "studio/plans-v1" else {}
     check_env(gymnasium.make(name, render_mode="rgb_array", **SMALL, **batch).unwrapped)
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_and_another_one_another_studio(env):
     found = []
     for seed in (5, 6, 5):
@@ -43,7 +41,6 @@ def test_the_same_seed_gives_the_same_bytes_and_another_one_another_studio(env):
     assert found[0] == found[2] and found[0][0] != found[1][0]
 
 
-@pytest.mark.slow
 def test_a_stroke_darkens_the_canvas_where_it_goes_and_the_judge_sees_it(env):
     first, start = env.reset(seed=1)
     seen, reward, ended, cut, info = env.step(ACROSS)
@@ -55,7 +52,6 @@ def test_a_stroke_darkens_the_canvas_where_it_goes_and_the_judge_sees_it(env):
     assert np.abs(seen["canvas"] / 255 - env.unwrapped.studio.truth(28).permute(1, 2, 0).numpy()).mean() < 0.04
 
 
-@pytest.mark.slow
 def test_a_batch_is_its_strokes_one_after_another(env):
     """The camera's trips pass time, so the paint is a little drier; the marks are the same."""
     several = gymnasium.make("studio/plans-v1", batch=3, **SMALL)
@@ -70,7 +66,6 @@ def test_a_batch_is_its_strokes_one_after_another(env):
     assert float((truths[0] - truths[1]).abs().mean()) < 0.01
 
 
-@pytest.mark.slow
 def test_the_budget_of_minutes_ends_an_episode():
     env = gymnasium.make("studio/strokes-v1", **{**SMALL, "minutes": 0.25})
     env.reset(seed=0)
@@ -83,7 +78,6 @@ def test_the_budget_of_minutes_ends_an_episode():
         env.step(ACROSS)
 
 
-@pytest.mark.slow
 def test_a_refused_action_moves_nothing(env):
     env.reset(seed=0)
     before, clock = env.unwrapped.studio.truth(28), env.unwrapped.studio.clock.now
@@ -104,7 +98,6 @@ def test_a_batch_that_does_not_divide_the_strokes_is_refused(batch):
         fp.make_env("studio/plans-v1", **SMALL, batch=batch)
 
 
-@pytest.mark.slow
 def test_it_can_be_closed_twice_and_opened_again(env):
     env.reset(seed=0)
     env.close()
@@ -112,7 +105,6 @@ def test_it_can_be_closed_twice_and_opened_again(env):
     assert env.reset(seed=0)[0]["strokes_left"] == [6]
 
 
-@pytest.mark.slow
 def test_a_toned_canvas_is_seen(env):
     toned = gymnasium.make("studio/strokes-v1", **SMALL, ground="#c8a878")
     seen = toned.reset(seed=0)[0]["canvas"].reshape(-1, 3).mean(0)

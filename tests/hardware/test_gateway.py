@@ -138,7 +138,6 @@ def moves(source: str) -> list[int]:
     return found
 
 
-@pytest.mark.slow
 def test_nothing_moves_a_robot_but_through_the_gateway() -> None:
     moving = {place_of(path): lines for path in SOURCES if (lines := moves(path.read_text("utf-8")))}
     assert set(moving) == STAND_FOR_A_ROBOT, moving

@@ -40,7 +40,6 @@ def test_all_experiments_are_listed_with_what_they_are_for(say: Say) -> None:
     assert all(len(line.split()) > 5 for line in lines.values())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS, ids=[row.name for row in ROWS])
 @pytest.mark.parametrize("quick", [False, True])
 def test_a_row_opens_its_experiment_with_what_it_needs(row: ExperimentRow, quick: bool) -> None:
@@ -60,7 +59,6 @@ def test_a_row_opens_its_experiment_with_what_it_needs(row: ExperimentRow, quick
     assert runs and all(isinstance(run, Run) for run in runs) and len({run.key for run in runs}) == len(runs)
 
 
-@pytest.mark.slow
 def test_an_experiment_leaves_its_table_and_pictures_and_is_the_same_in_processes(say: Say, tmp_path: Path) -> None:
     small_library(16).save(tmp_path / "mine.npz")
     tables = []

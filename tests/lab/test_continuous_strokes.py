@@ -18,7 +18,6 @@ def test_a_sweep_goes_from_extreme_to_extreme_in_one_parameter_only(parameter, e
         assert len(torch.unique(getattr(strokes, other))) == 1
 
 
-@pytest.mark.slow
 def test_the_robot_paints_about_what_the_model_says():
     outcome = ContinuousStrokes(quick=True, brush="fine", seed=2).run()
     rows = outcome.tables[0].rows

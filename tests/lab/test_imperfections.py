@@ -26,7 +26,7 @@ from frida_painter.strokes import StrokeLimits, Strokes
 
 SIZE, ROWS = CanvasSize(0.09, 0.07), 70
 LIMITS = StrokeLimits((0.012, 0.06), (-0.01, 0.01))
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("small_world")]
+pytestmark = pytest.mark.usefixtures("small_world")
 
 
 def crossing() -> Plan:

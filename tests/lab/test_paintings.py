@@ -140,7 +140,6 @@ def test_words_are_ranked_among_all_classes_and_exactly_one_painting_comes_first
     assert every[0]["probability"] == pytest.approx(float(logs[954].exp()), rel=1e-4)
 
 
-@pytest.mark.slow
 def test_styles_are_judged_by_features_that_nobody_optimised(studio: MadeUp, target: Any) -> None:
     network = QuickEncoders().meaning()
     outcome = Style(**judged(judge_network=network, photos=(target("cat"),), styles=(target("waves"),))).run()
@@ -183,7 +182,6 @@ def test_what_ships_to_be_painted(tmp_path: Path) -> None:
         load_targets([found[1].path, tmp_path / "cat.jpg"])
 
 
-@pytest.mark.slow
 def test_the_experiment_in_the_documentation_runs(
     tmp_path: Path, studio: MadeUp, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -136,7 +136,6 @@ def target() -> torch.Tensor:
     return torch.where(x * x + y * y < 0.3, torch.tensor([0.2, 0.1, 0.1])[:, None, None], field)
 
 
-@pytest.mark.slow
 def test_few_strokes_come_near_and_more_come_nearer():
     errors = []
     for count in (2, 16):

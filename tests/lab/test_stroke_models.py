@@ -97,7 +97,6 @@ def test_too_small_a_library_is_refused(strokes, kind):
         made(kind, strokes[:7])
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("rival", RIVALS)
 def test_every_rival_predicts_the_crops_as_they_are_stored(strokes, rival):
     known, test = strokes[:16], strokes[16:]

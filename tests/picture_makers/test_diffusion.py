@@ -69,7 +69,6 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
-@pytest.mark.slow
 def test_pictures_follow_their_seeds_and_steps_are_told(tmp_path: Path, pipeline: Path) -> None:
     told: list[str] = []
     maker = DiffusionMaker.parse(f"{pipeline},steps=2")
@@ -83,7 +82,6 @@ def test_pictures_follow_their_seeds_and_steps_are_told(tmp_path: Path, pipeline
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", ["a lemon " * 1200, "καράβι 帆船", "🙂"], ids=["10,000 characters", "alphabets", "emoji"]
 )
@@ -101,7 +99,6 @@ def test_any_words_make_a_picture_and_a_tokenizer_need_not_say_how_many_it_takes
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
-@pytest.mark.slow
 def test_a_making_by_a_pipeline_is_recorded(tmp_path: Path, pipeline: Path) -> None:
     told: list[str] = []
     spec = RunSpec.of(goal=[{"text": "a red tower"}], canvas="12x9cm", seed=3)
@@ -114,7 +111,6 @@ def test_a_making_by_a_pipeline_is_recorded(tmp_path: Path, pipeline: Path) -> N
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
-@pytest.mark.slow
 @pytest.mark.parametrize(("write", "size"), [(write_flux, (448, 576)), (write_stable_diffusion_3, (224, 288))])
 def test_pipelines_of_transformers_make_pictures(
     tmp_path: Path, write: Callable[[Path], Path], size: tuple[int, int]
@@ -132,7 +128,6 @@ def load(folder: Path) -> Any:
         return pipeline_process._load(task, torch.device("cpu"))
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 @pytest.mark.parametrize(
     ("kind", "protected", "used"),
@@ -232,7 +227,6 @@ def name_class(kind: str) -> Callable[[Path], None]:
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("write", "says"),
     [
@@ -294,7 +288,6 @@ def test_what_a_pipeline_may_not_return(made: Any, says: str) -> None:
         _require_picture(made, "net", 1, 6, 4)
 
 
-@pytest.mark.slow
 def test_a_stop_a_failure_and_the_end_of_its_time_end_a_pipeline(tmp_path: Path, pipeline: Path) -> None:
     began, told = time.monotonic(), []
     with pytest.raises(Interrupted, match="You stopped the making"):
@@ -402,7 +395,6 @@ def hub(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[_Hub]]
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
-@pytest.mark.slow
 def test_a_name_on_the_hub_is_fetched_once_without_pickles(tmp_path: Path, pipeline: Path, hub: type[_Hub]) -> None:
     copytree(pipeline, hub.root)
     (hub.root / "unet" / "diffusion_pytorch_model.bin").write_bytes(b"a pickle")
@@ -423,7 +415,6 @@ def test_a_name_on_the_hub_is_fetched_once_without_pickles(tmp_path: Path, pipel
     assert DiffusionMaker.parse("somebody/tiny").here is None, "half a download is fetched again"
 
 
-@pytest.mark.slow
 def test_names_that_the_hub_does_not_have_and_hubs_that_are_not_there(
     tmp_path: Path, hub: type[_Hub], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -453,7 +444,6 @@ def test_names_that_the_hub_does_not_have_and_hubs_that_are_not_there(
     assert len(tries) == 1, "without retries"
 
 
-@pytest.mark.slow
 def test_a_name_whose_pipeline_wants_code_is_refused_before_its_weights_come(tmp_path: Path, hub: type[_Hub]) -> None:
     write_lookalike(hub.root)
     index = hub.root / "model_index.json"

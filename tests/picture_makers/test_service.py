@@ -130,7 +130,6 @@ def test_a_service_is_sent_the_canvas_as_the_web_ui_of_stable_diffusion_takes_it
     assert told[0].startswith("Your words and the canvas are sent to 127.0.0.1")
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "answer",
     [
@@ -151,7 +150,6 @@ def test_a_picture_comes_as_a_file_or_in_base64(tmp_path: Path, server: Service,
     assert told[0] == f"Your words, the seed and the size are sent to {server.host}, unencrypted."
 
 
-@pytest.mark.slow
 def test_each_seed_is_asked_once_and_a_redirect_within_the_host_is_followed(tmp_path: Path, server: Service) -> None:
     def answer(handler: BaseHTTPRequestHandler) -> None:
         new = sends(b"", status=307, Location="/new") if handler.path == "/old" else sends(picture())
@@ -163,7 +161,6 @@ def test_each_seed_is_asked_once_and_a_redirect_within_the_host_is_followed(tmp_
     assert [one["seed"] for one in server.asked] == [7, 7, 8, 8]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("answer", "says"),
     [
@@ -200,7 +197,6 @@ def test_each_fault_is_one_sentence(
     assert all("words" in question for question in server.asked), "a redirect never becomes another question"
 
 
-@pytest.mark.slow
 def test_a_service_that_hangs_is_left_in_time_and_at_a_stop(tmp_path: Path, server: Service) -> None:
     server.answer = hangs
     maker, began = ServiceMaker.parse(f"http://{server.host}/make"), time.monotonic()
@@ -212,7 +208,6 @@ def test_a_service_that_hangs_is_left_in_time_and_at_a_stop(tmp_path: Path, serv
     assert time.monotonic() - began < 50
 
 
-@pytest.mark.slow
 def test_a_service_that_drips_a_picture_is_left(
     server: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -230,7 +225,6 @@ def test_a_service_that_drips_a_picture_is_left(
     assert re.search(r"is too slow: less than 2 kB a second came for 60 s; mend it, or name", str(fault))
 
 
-@pytest.mark.slow
 def test_nobody_at_the_address(tmp_path: Path, server: Service) -> None:
     with Service(("127.0.0.1", 0), _Handler) as gone:
         host = gone.host

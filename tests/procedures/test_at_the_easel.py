@@ -30,7 +30,6 @@ def test_a_photograph_that_was_seen_before_is_stale_for_procedures_too() -> None
         access.photograph()
 
 
-@pytest.mark.slow
 def test_a_library_and_a_calibration_are_refused_where_the_arm_does_not_reach_the_well() -> None:
     studio = paper_studio()
     easel, sent = studio.easel, []

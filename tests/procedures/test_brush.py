@@ -37,7 +37,6 @@ def found(name="broad", seed=0, faults=None, **settings):
     return finding, finding.touch_height - studio.touch_height, finding.press_height - press
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("name", "seed"), [("fine", 0), ("medium", 1), ("broad", 2)])
 def test_by_looking_the_lightest_touch_is_found_to_a_third_of_a_millimetre(name, seed):
     """Measured with 8 seeds and photographs of 600 x 800: 0.05 to 0.12 mm too low for each of the brushes."""
@@ -50,7 +49,6 @@ def test_by_looking_the_lightest_touch_is_found_to_a_third_of_a_millimetre(name,
     assert f"{len(finding.trials)} trial strokes" in finding.sentence
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("rise", "name"), [(0.004, "medium"), (-0.001, "broad")])
 def test_it_is_found_where_the_canvas_lies_and_not_where_the_workspace_says(rise, name):
     finding, touch_off, press_off = found(name, seed=3, rise=rise)
@@ -62,7 +60,6 @@ def test_it_is_found_where_the_canvas_lies_and_not_where_the_workspace_says(rise
         assert press_off == pytest.approx(0.001)
 
 
-@pytest.mark.slow
 def test_what_the_owner_knows_of_the_brush_is_heeded_and_nothing_leaves_the_workspace():
     studio, lowest = studio_with(), []
     follow = studio.robot.follow
@@ -85,12 +82,10 @@ def test_what_the_owner_knows_of_the_brush_is_heeded_and_nothing_leaves_the_work
 LAMPS = tuple(LightChange(number, 3 * ((0.6, 0.9, 0.75)[number % 3],)) for number in range(90))
 
 
-@pytest.mark.slow
 def test_flickering_light_and_strokes_that_miss_the_paper_are_survived():
     assert abs(found("fine", faults=Faults(light_changes=LAMPS, dropped_touches=frozenset({0, 3, 9})))[1]) < 0.0005
 
 
-@pytest.mark.slow
 def test_out_of_focus_the_touch_is_right_or_refused():
     try:
         off = found(faults=Faults(lost_focus=(LostFocus(12, blur=0.03),)))[1]
@@ -187,7 +182,6 @@ def test_a_protrusion_that_cannot_be_is_refused(length):
         )
 
 
-@pytest.mark.slow
 def test_a_workspace_whose_floor_is_at_the_paper_leaves_no_room_to_press():
     studio = studio_with()
     workspace = studio.easel.workspace
@@ -203,7 +197,6 @@ def test_a_canvas_at_hover_height_is_refused():
         lead(brush(replace(studio.easel, workspace=low)), proposal)
 
 
-@pytest.mark.slow
 def test_a_person_is_asked_for_paper_where_nobody_else_lays_it_and_may_correct_what_was_found():
     studio = studio_with("fine")
     operator, asked, jogs = studio.easel.operator, [], []

@@ -31,7 +31,6 @@ def ignorant(easel: Easel) -> Easel:
     return replace(easel, calibration=replace(easel.calibration, corners=somewhere, lens=None))
 
 
-@pytest.mark.slow
 def test_the_proposal_is_right_and_enters_the_record(studio: VirtualStudio) -> None:
     easel = ignorant(studio.easel)
     found = lead(canvas(easel), lambda question: question.proposal)
@@ -44,7 +43,6 @@ def test_the_proposal_is_right_and_enters_the_record(studio: VirtualStudio) -> N
     assert list(record.done) == ["canvas"] and record.done["canvas"].residual == found.residual < 0.5
 
 
-@pytest.mark.slow
 def test_the_corners_that_a_person_gives_override(studio: VirtualStudio) -> None:
     mine = tuple((column + 1.5, row - 1.0) for column, row in studio.camera.corners)
     found = lead(canvas(studio.easel), lambda question: mine)
@@ -56,7 +54,6 @@ def test_the_corners_that_a_person_gives_override(studio: VirtualStudio) -> None
     assert far.corners == elsewhere and far.residual == POINTING and far.lens is None
 
 
-@pytest.mark.slow
 def test_three_corners_are_no_canvas(studio: VirtualStudio) -> None:
     with pytest.raises(CalibrationError, match="3 corners were given; a canvas has four"):
         lead(canvas(studio.easel), lambda question: ((0.0, 0.0), (700.0, 0.0), (700.0, 500.0)))

@@ -39,7 +39,6 @@ def found(**studio):
     return lead(color(studio_with(**studio).easel), proposal)
 
 
-@pytest.mark.slow
 def test_on_the_usual_studio_patches_never_seen_come_out_right():
     finding = found(seed=0, camera=CameraSpec())
     assert finding.photographed.shape == finding.held_out.shape == (24,)
@@ -51,14 +50,12 @@ def test_on_the_usual_studio_patches_never_seen_come_out_right():
     assert finding.change < 0.01
 
 
-@pytest.mark.slow
 def test_after_the_robot_procedure_a_small_canvas_is_bare_again():
     studio = studio_with(canvas=CanvasSize(0.16, 0.12))
     lead(robot(studio.easel), proposal)
     assert float(lead(color(studio.easel), proposal).held_out.mean()) < 2.5
 
 
-@pytest.mark.slow
 def test_the_record_holds_the_map_and_what_it_leaves_and_the_picture_shows_it():
     studio = studio_with()
     finding = lead(color(studio.easel), proposal)
@@ -89,7 +86,6 @@ def painted_squares(studio):
     return places
 
 
-@pytest.mark.slow
 def test_the_painter_sees_the_canvas_as_it_is():
     """With the bands leaking into each other, of 24 colours that are not the checker's; CIEDE2000."""
     errors = {}
@@ -114,7 +110,6 @@ def test_the_painter_sees_the_canvas_as_it_is():
     assert errors[False] > 3 * errors[True]
 
 
-@pytest.mark.slow
 def test_a_checker_that_lies_upside_down_or_askew_is_read_all_the_same():
     studio = studio_with()
     straight = lead(color(studio.easel), proposal)
@@ -125,7 +120,6 @@ def test_a_checker_that_lies_upside_down_or_askew_is_read_all_the_same():
         assert np.abs(np.array(turned.affine) - np.array(straight.affine)).max() < 0.03
 
 
-@pytest.mark.slow
 def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
     studio = studio_with()
     wanted = lead(color(studio.easel), proposal)
@@ -138,7 +132,6 @@ def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
         assert np.abs(np.array(finding.affine) - np.array(wanted.affine)).max() < 0.01
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "change",
     [LightChange(1, (0.8, 0.6, 0.4)), LightChange(1, (0.7, 0.7, 0.7), (-0.3, 0.1))],
@@ -151,7 +144,6 @@ def test_another_light_than_on_the_bare_canvas_is_noticed_and_taken_out(change):
     assert np.abs(np.array(after.affine) - np.array(before.affine)).max() < 0.04
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("blur", "first"), [(0.004, 0), (0.006, 1), (0.008, 0), (0.02, 1)])
 def test_out_of_focus_the_map_is_right_or_refused(blur, first):
     faults = Faults(lost_focus=(LostFocus(first, blur=blur),))
@@ -167,7 +159,6 @@ def test_out_of_focus_the_map_is_right_or_refused(blur, first):
         assert np.abs(np.array(finding.affine) - np.array(found().affine)).max() < 0.03
 
 
-@pytest.mark.slow
 def test_a_photograph_that_is_too_bright_or_too_dark_is_refused():
     with pytest.raises(CalibrationError, match=r"overexposed.*white"):
         found(faults=Faults(light_changes=(LightChange(0, (1.25, 1.25, 1.25)),)))
@@ -177,7 +168,6 @@ def test_a_photograph_that_is_too_bright_or_too_dark_is_refused():
         found(faults=Faults(light_changes=(LightChange(0, (0.05, 0.05, 0.05)),)))
 
 
-@pytest.mark.slow
 def test_no_checker_and_no_answer_are_refused_with_what_to_do():
     studio = studio_with()
     studio.lay_checker((2.0, 2.0), 0.0, 0.1)
@@ -240,7 +230,6 @@ class Person:
         return question.proposal
 
 
-@pytest.mark.slow
 def test_a_person_is_asked_to_lay_the_checker_down_and_to_take_it_away():
     studio = studio_with()
     person = Person(studio)

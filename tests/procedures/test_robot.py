@@ -75,7 +75,6 @@ def strokes_off(studio: VirtualStudio, easel: Easel, count: int, seed: int) -> n
     return np.array(off)
 
 
-@pytest.mark.slow
 def test_strokes_land_where_they_are_meant_to() -> None:
     seed = 1
     studio = opened(seed)
@@ -113,7 +112,6 @@ def spotted(easel: Easel, spots: int) -> Easel:
     return replace(easel, robot=Dripping())
 
 
-@pytest.mark.slow
 def test_spots_that_are_no_dots_and_two_missing_dots_are_survived() -> None:
     studio = opened(4, faults=Faults(dropped_touches=frozenset([13, 15])))  # behind the six spots
     record = lead(canvas(studio.easel), proposal).enter(studio.easel.calibration)
@@ -124,7 +122,6 @@ def test_spots_that_are_no_dots_and_two_missing_dots_are_survived() -> None:
     assert strokes_off(studio, replace(easel, calibration=found.enter(record)), 4, 4).mean() < 0.0005
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("faults", "says"),
     [
@@ -139,7 +136,6 @@ def test_what_would_be_a_wrong_placement_is_refused(faults: Faults, says: str) -
         lead(robot(opened(6, faults=faults).easel), proposal)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("sign", "says"), [((-1, 1), "mirrored from left"), ((1, -1), "mirrored from top"), ((-1, -1), "upside")]
 )

@@ -28,7 +28,6 @@ def undisturbed():
     return paint(paper_studio().easel, notify=progress.append), progress
 
 
-@pytest.mark.slow
 def test_each_stroke_is_painted_photographed_and_told(undisturbed):
     finding, progress = undisturbed
     assert len(finding.library) == COUNT
@@ -63,7 +62,6 @@ def test_a_crop_holds_the_whole_frame_of_the_brush(undisturbed):
     assert frame.bottom <= wanted.bottom < wanted.top <= frame.top
 
 
-@pytest.mark.slow
 def test_the_contact_sheet_and_the_record(undisturbed, tmp_path):
     easel = paper_studio().easel
     assert undisturbed[0].picture.shape[0] == 3
@@ -75,7 +73,6 @@ def test_the_contact_sheet_and_the_record(undisturbed, tmp_path):
     assert 0 < record.done["strokes"].residual < 0.1
 
 
-@pytest.mark.slow
 def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():
     progress = []
     shift = 0.003
@@ -86,13 +83,11 @@ def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():
     assert "1 is left out (1 paper moved)" in finding.sentence
 
 
-@pytest.mark.slow
 def test_strokes_without_paint_are_found():
     finding = paint(paper_studio(Faults(dropped_touches=frozenset({1, 3}))).easel, count=4)
     assert np.flatnonzero(finding.library.flaws == Flaw.EMPTY).tolist() == [1, 3]
 
 
-@pytest.mark.slow
 def test_another_light_is_taken_out(undisturbed):
     change = LightChange(2, (0.85, 0.8, 0.65), lean=(0.15, -0.1))
     finding = paint(paper_studio(Faults(light_changes=(change,))).easel, count=3)
@@ -118,7 +113,6 @@ def test_a_photograph_out_of_focus_is_taken_again(undisturbed):
     assert np.abs(finding.library.magnitude - expected).mean() / 255 < 0.004
 
 
-@pytest.mark.slow
 def test_a_camera_that_stays_out_of_focus_is_refused_and_the_strokes_are_kept(tmp_path):
     out = tmp_path / "library.npz"
     with pytest.raises(FrameRejected, match=r"out of focus.*mm"):
@@ -134,7 +128,6 @@ def test_something_dark_in_the_picture_is_waited_for_once(undisturbed):
     assert not paint(spoiled(paper_studio(), hand), count=2).library.flaws.any()
 
 
-@pytest.mark.slow
 def test_something_dark_that_stays_is_a_flaw_and_no_sheet_begins_with_it():
     def arm(image, number):
         return dark_bar(image) if number >= 2 else image
@@ -151,7 +144,6 @@ def test_a_paper_elsewhere_than_calibrated_is_refused():
         paint(replace(easel, calibration=replace(easel.calibration, corners=beside)))
 
 
-@pytest.mark.slow
 def test_without_any_paint_it_stops_soon_and_forgets_the_empty_strokes(tmp_path):
     out = tmp_path / "library.npz"
     told = []
@@ -161,7 +153,6 @@ def test_without_any_paint_it_stops_soon_and_forgets_the_empty_strokes(tmp_path)
     assert len(list(unfinished_folder(out).glob("stroke-*"))) == 2
 
 
-@pytest.mark.slow
 def test_mostly_dirty_strokes_are_kept_and_refused(tmp_path):
     out = tmp_path / "library.npz"
     with pytest.raises(CalibrationError, match="Most strokes are dirty"):
@@ -182,7 +173,6 @@ class Operator:
         return False
 
 
-@pytest.mark.slow
 def test_a_person_is_asked_for_every_paper_and_told_why():
     studio = paper_studio(Faults(bumps=(Bump(1, (0.003, 0.0)),)))
     asked = []
@@ -197,7 +187,6 @@ def test_a_person_is_asked_for_every_paper_and_told_why():
     assert len(asked) == 2 and "moved by 3" in asked[1].text
 
 
-@pytest.mark.slow
 def test_a_person_who_forgets_to_change_the_paper_is_asked_again_and_may_give_up(tmp_path):
     studio = paper_studio()
     asked = []
@@ -213,7 +202,6 @@ def test_a_person_who_forgets_to_change_the_paper_is_asked_again_and_may_give_up
     assert "bare" in asked[2]
 
 
-@pytest.mark.slow
 def test_the_brush_is_refilled_as_often_as_was_asked():
     studio = paper_studio()
     library = paint(studio.easel, count=5, refill_every=2).library
@@ -226,7 +214,6 @@ def test_the_brush_is_refilled_as_often_as_was_asked():
     assert studio.table.dips == 3  # before strokes 0 and 2, and before 4, which is the first on the second paper
 
 
-@pytest.mark.slow
 def test_after_a_robot_died_the_rest_is_painted_on_fresh_paper(tmp_path, undisturbed):
     out = tmp_path / "library.npz"
     with pytest.raises(RobotError, match="does not answer"):
@@ -250,7 +237,6 @@ class Crash(Exception):
     pass
 
 
-@pytest.mark.slow
 def test_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(tmp_path, monkeypatch):
     """Fault F26: a crash in the middle of a calibration, again and again."""
     out, count, told = tmp_path / "library.npz", 9, []
@@ -276,7 +262,6 @@ def test_a_crash_at_any_stage_loses_at_most_the_stroke_that_it_hit(tmp_path, mon
     assert len(paint(paper_studio().easel, out, count=count).library) == count
 
 
-@pytest.mark.slow
 def test_a_killed_process_leaves_whole_strokes(tmp_path):
     """Fault F26: a crash in the middle of a calibration."""
     out = tmp_path / "library.npz"

@@ -14,7 +14,6 @@ def where(picture: torch.Tensor, color: torch.Tensor) -> torch.Tensor:
     return torch.nonzero((picture[:, 100:480, :750] - color).abs().amax(0) < 0.01)
 
 
-@pytest.mark.slow
 def test_a_rising_line_rises_on_the_picture():
     found = where(chart("t", "x", "y", [Series("a", (0, 1), (0.0, 5.0))]), BLUE).double()
     left, right = (found[found[:, 1] == column][:, 0].mean() for column in (150, 650))

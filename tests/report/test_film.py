@@ -82,7 +82,6 @@ def test_a_browser_can_start_before_all_is_loaded(tmp_path: Path) -> None:
     assert content.index(b"moov") < content.index(b"mdat")
 
 
-@pytest.mark.slow
 def test_odd_sizes_large_frames_and_frames_that_change_their_size(tmp_path: Path) -> None:
     with FilmWriter(tmp_path / "film.mp4", 3) as writer:
         writer.add(canvas(0.2, 41, 2001), 1 / 3)

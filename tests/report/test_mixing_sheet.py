@@ -24,7 +24,6 @@ def test_the_sheet_looks_as_it_was_found_good(found: list, snapshot: Callable[..
     snapshot("mixing-sheet", shrunk(sheet, 900))
 
 
-@pytest.mark.slow
 def test_the_colours_wanted_stand_beside_those_predicted(found: list) -> None:
     sheet = mixing_sheet(found, None, "Mixing").permute(1, 2, 0).reshape(-1, 3)
     for recipe in found:

@@ -9,7 +9,6 @@ from snapshots import shrunk
 from support.plans import made_up_plan
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("colors", [1, 2, 6, 7, 15, 16, 20, 21, 64])
 def test_every_paint_has_a_swatch_and_nothing_leaves_the_page(colors: int) -> None:
     plan = made_up_plan(max(40, colors), colors)

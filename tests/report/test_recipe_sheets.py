@@ -14,7 +14,6 @@ from support.plans import made_up_plan
 PLAN = made_up_plan(6, 3)
 
 
-@pytest.mark.slow
 def test_sheets_and_recipes_are_there_when_it_has_finished(tmp_path: Path) -> None:
     sheets = RecipeSheets(tmp_path)
     sheets.renew(PLAN)
@@ -25,7 +24,6 @@ def test_sheets_and_recipes_are_there_when_it_has_finished(tmp_path: Path) -> No
     assert sheets.finish() == (found, 0), "finishing again changes nothing"
 
 
-@pytest.mark.slow
 def test_sheets_are_made_again_only_where_the_paints_are_new(tmp_path: Path) -> None:
     plan = PLAN.under(made_up_plan(6, 3, seed=5))
     (upper,) = plan.part(slice(6, None)).filled_layers()
@@ -49,7 +47,6 @@ def test_sheets_are_made_again_only_where_the_paints_are_new(tmp_path: Path) -> 
     assert all(file.read_bytes() != old for file, old in zip(files[2:], before[2:], strict=True))
 
 
-@pytest.mark.slow
 def test_where_there_is_no_room_it_is_counted_and_what_is_wrong_otherwise_is_raised(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -83,7 +83,6 @@ def named(page: str) -> set[str]:
     return {name for name in re.findall(r'(?:src|href|poster)="([^"]+)"', page) if not name.startswith(("#", "data:"))}
 
 
-@pytest.mark.slow
 def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_what_is_there(tmp_path: Path) -> None:
     page, result = recorded(tmp_path, an_evening(), whole())
     assert page == tmp_path / "index.html"
@@ -108,7 +107,6 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
     assert all(path.stat().st_size > 50 for path in tmp_path.iterdir() if path.name != "plan.json")
 
 
-@pytest.mark.slow
 def test_colors_that_were_changed_so_that_they_can_be_mixed_are_told(tmp_path: Path) -> None:
     told = (f"{MIXED_PAINTS}, layer 1", "#ff00ff (15.2 off) became #b04090")
     changed = replace(SECOND, about=(told,))
@@ -143,7 +141,6 @@ def test_the_figures_are_those_of_the_evening(tmp_path: Path) -> None:
     assert between["psnr_db"] == pytest.approx(21.9, abs=0.1), "0.42 against 0.5"
 
 
-@pytest.mark.slow
 def test_the_plan_on_record_is_what_was_painted(tmp_path: Path) -> None:
     evening = an_evening()
     evening[-1:-1] = [TouchCorrected("medium", 0.0005, 6), TouchCorrected("medium", 0.0012, 6)]

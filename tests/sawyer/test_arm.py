@@ -33,7 +33,6 @@ def moving(hand):
     hand.studio.table.move = move
 
 
-@pytest.mark.slow
 def test_it_paints_with_its_own_small_errors(hand, moving):
     hand.dip(0)
     hand.stroke(0.06, 0.08, 0.08, bend=0.01)
@@ -66,7 +65,6 @@ def test_its_motions_take_the_time_that_is_told_of_them(hand):
     assert report.finished_at - report.started_at == pytest.approx(told, abs=0.03)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "says"),
     [((1.3, 0.0, 0.1), "reaches from"), ((0.76, -0.52, 0.199), "does not reach"), ((np.nan, 0, 0), "nan")],
@@ -146,7 +144,6 @@ def test_braking_takes_a_tenth_of_a_second_and_a_few_millimetres(hand):
     hand.studio.robot._tip = body.tip
 
 
-@pytest.mark.slow
 def test_the_same_seed_paints_the_same_and_another_does_not():
     def painted(seed):
         hand = sawyer([0.1, 0.2, 0.6], seed=seed, error=None)
@@ -161,7 +158,6 @@ def test_the_same_seed_paints_the_same_and_another_does_not():
     assert (painted(4)[0] != tip).any()
 
 
-@pytest.mark.slow
 def test_a_studio_that_is_opened_again_goes_on_with_the_arm_as_it_was(tmp_path):
     def first_half(hand):
         hand.dip(0)

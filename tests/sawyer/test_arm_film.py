@@ -43,13 +43,11 @@ def drawn(hand):
     view.__exit__(None, None, None)
 
 
-@pytest.mark.slow
 def test_the_painting_lies_before_the_arm(drawn):
     change = (drawn(255).astype(int) - drawn(20)).max(-1)
     assert 50 < (change > 40).sum() < 0.15 * change.size  # the canvas, and nothing else
 
 
-@pytest.mark.slow
 def test_the_painting_lies_the_right_way_round_before_whoever_stands_opposite(drawn):
     def middle(**part):
         """Where a dark part of the canvas is seen: row and column of the picture."""
@@ -67,7 +65,6 @@ def test_the_arm_moves_in_the_picture(drawn):
     assert (np.abs(drawn(255).astype(int) - drawn(255, other)).max(-1) > 30).mean() > 0.03
 
 
-@pytest.mark.slow
 def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp_path):
     path = tmp_path / "arm.mp4"
     plain = Hand([0.05, 0.1, 0.7], canvas=CANVAS, arm="sawyer", noise=None)

@@ -34,7 +34,6 @@ def make(folder: Path, name: str) -> Certificate:
     return found
 
 
-@pytest.mark.slow
 def test_both_ports_are_encrypted_with_it(tmp_path: Path) -> None:
     made = make(tmp_path, "studio")
     words = ("--certificate", str(made.certificate), "--key", str(made.key))

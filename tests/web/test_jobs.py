@@ -251,7 +251,6 @@ def test_a_page_that_follows_the_setup_is_a_sign_for_its_worker(tmp_path: Path) 
         assert sign.exists() == follows
 
 
-@pytest.mark.slow
 def test_stop_ends_a_motion_of_the_setup_and_a_person_must_arm_the_machine(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,7 +41,7 @@ from support.boat import BOAT
 from support.planning import picture
 from support.told import CHANGED, FINISHED, PAINTED, PAUSED, PERSON, PICTURES, PLANNED, PROTECTED, REQUEST, Told
 
-pytestmark = [pytest.mark.slow, WITH_CHROMIUM, pytest.mark.timeout(560)]  # on a busy machine
+pytestmark = [WITH_CHROMIUM, pytest.mark.timeout(560)]
 
 LONG = 3 * PATIENCE
 PHONE: dict[str, Any] = {"width": 390, "height": 844, "has_touch": True, "is_mobile": True, "color_scheme": "dark"}

@@ -21,7 +21,6 @@ def test_a_bucket_fills_again_as_time_goes_by() -> None:
     assert [bucket.take("a") for _ in range(2)] == [True, False]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("path", "most"), [("/api/paintings", MAX_BODY), ("/api/pictures", MAX_UPLOAD)])
 def test_bodies_that_are_too_large_are_refused(tmp_path: Path, path: str, most: int) -> None:
     visitor = Studio(tmp_path).visitor()
@@ -30,7 +29,6 @@ def test_bodies_that_are_too_large_are_refused(tmp_path: Path, path: str, most: 
     assert visitor.post(path, content=b"x" * most).status_code == 422
 
 
-@pytest.mark.slow
 def test_haste_is_refused_but_a_stop_never_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     standing = partial(network.Bucket, clock=lambda: 0.0)  # a busy computer asks so slowly that nothing is haste
     monkeypatch.setattr(network, "Bucket", standing)

@@ -113,7 +113,6 @@ class Table:
         return self.controller.go_on(paused)
 
 
-@pytest.mark.slow
 def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 8)
     table.says = [LOOK, LeaveOut(3), PAUSE, GO_ON]
@@ -122,7 +121,6 @@ def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Painti
     assert "let it look" in table.told(events.Paused)[0].reason
 
 
-@pytest.mark.slow
 def test_turns_are_taken(folder: PaintingFolder) -> None:
     table = Table(folder, 7)
     table.says = [TakeTurns(2), GO_ON]
@@ -131,7 +129,6 @@ def test_turns_are_taken(folder: PaintingFolder) -> None:
     assert len(turns) >= 2 and "your turn" in turns[0].reason
 
 
-@pytest.mark.slow
 def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder) -> None:
     table = Table(folder, 4)
     table.setup.planner.size = CANVAS  # type: ignore[attr-defined]
@@ -164,7 +161,6 @@ def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFold
     assert controller.go_on(events.Paused("You asked for a pause.", 3, "person"))
 
 
-@pytest.mark.slow
 def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder) -> None:
     folder.painting.mkdir()
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
@@ -239,7 +235,6 @@ def _proposals(table: Table) -> list[dict[str, Any]]:
     return [one for made in table.told(making_events.PicturesMade)[-1:] for one in made.pictures]
 
 
-@pytest.mark.slow
 def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: PaintingFolder) -> None:
     folder.painting.mkdir()
     (folder.path / "boat.py").write_text(BOAT)
@@ -273,7 +268,6 @@ FAULTS = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("command", "says"), FAULTS.values(), ids=FAULTS)
 def test_a_maker_that_fails_is_one_sentence_and_the_painting_keeps_its_goal(
     folder: PaintingFolder, command: str, says: str
@@ -289,7 +283,6 @@ def test_a_maker_that_fails_is_one_sentence_and_the_painting_keeps_its_goal(
     assert not list((folder.painting / "changes").glob("*/*"))
 
 
-@pytest.mark.slow
 def test_the_person_ends_a_making_and_no_other_work(folder: PaintingFolder) -> None:
     folder.painting.mkdir()
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
@@ -329,7 +322,6 @@ def _touch(table: Table) -> bool:
     return bool((plan.strokes.path(torch.linspace(0, 1, 9))[2:, :, 0] < 0.35 * CANVAS.width).any())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("asked", SAID_TO_BE_DONE.values(), ids=SAID_TO_BE_DONE)
 def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_that_moment(
     folder: PaintingFolder,
@@ -380,7 +372,6 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
     assert Journal.reopen(folder.painting)[1].request == {}, "and it is done once"
 
 
-@pytest.mark.slow
 def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: PaintingFolder) -> None:
     kill_when(
         folder.painting / "journal",
@@ -449,7 +440,6 @@ class AtRealEasel(Feed):
             tell_worker(self.folder, GO_ON, "browser")
 
 
-@pytest.mark.slow
 def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) -> None:
     world = VirtualPainting.made(seed=7)
     folder.painting.mkdir()

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pytest
 import torch
 
 from frida_painter.planning.effort import Effort
@@ -74,7 +73,6 @@ def after(stroke: int) -> Any:
     return lambda event: isinstance(event, events.StrokePainted) and event.done == stroke
 
 
-@pytest.mark.slow
 def test_a_replayed_feed_shows_what_the_page_showed_at_every_moment(tmp_path: Path) -> None:
     (tmp_path / "live").mkdir()
     folder, feed = PaintingFolder(tmp_path), Feed(PaintingFolder(tmp_path))

@@ -30,7 +30,6 @@ def studio(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     process.stdout.close()
 
 
-@pytest.mark.slow
 def test_the_studio_closes_in_peace_while_somebody_watches_and_keeps_no_token(
     studio: subprocess.Popen[str], tmp_path: Path
 ) -> None:
@@ -60,7 +59,6 @@ def link_again(folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
     return int(end.value.code or 0)
 
 
-@pytest.mark.slow
 def test_the_link_of_an_open_studio_is_told_and_opened_again(
     studio: subprocess.Popen[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -102,7 +100,6 @@ print(*sys.modules)
 """
 
 
-@pytest.mark.slow
 def test_the_process_of_the_page_holds_neither_robot_nor_accelerator(tmp_path: Path) -> None:
     """In a process of its own: what was loaded before by other tests does not count."""
     tests = str(Path(__file__).parents[1])

@@ -69,7 +69,6 @@ def require_stopped(studio: Served, work: Work, way: dict[str, Any]) -> None:
     assert time.monotonic() - began < PATIENCE
 
 
-@pytest.mark.slow
 def test_a_stop_is_heard_by_line_and_leaves_files_and_a_record(studio: Served, work: Work) -> None:
     way = studio.way
     deadline = time.monotonic() + 20
@@ -89,7 +88,6 @@ def test_a_stop_is_heard_by_line_and_leaves_files_and_a_record(studio: Served, w
         time.sleep(0.05)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("after", [0.0, 2.0])
 def test_a_planner_ends_at_once_at_every_moment_of_its_loading(studio: Served, after: float) -> None:
     Image.new("RGB", (64, 48), (200, 120, 60)).save(studio.folder / "pictures" / f"{'a' * 32}.png")
@@ -108,7 +106,6 @@ def test_a_planner_ends_at_once_at_every_moment_of_its_loading(studio: Served, a
     assert (shown["stage"], shown["trouble"], shown["resumable"]) == ("plan stopped", "", False)
 
 
-@pytest.mark.slow
 def test_a_locked_database_and_threads_that_wait_for_it_hold_no_stop_up(studio: Served, work: Work) -> None:
     way, paths = studio.way, ["/api/paintings", "/api/studio", f"/api/paintings/{'0' * 16}"]
     with closing(sqlite3.connect(studio.folder / "studio.sqlite", isolation_level=None)) as base:
@@ -132,7 +129,6 @@ def raw_get(studio: Served, path: str) -> socket.socket:
     return connection
 
 
-@pytest.mark.slow
 def test_half_open_connections_keep_nobody_out(tmp_path: Path) -> None:
     with opened(tmp_path / "paintings", files=200) as studio, at_work(studio) as work, contextlib.ExitStack() as stack:
         way = studio.way
@@ -146,14 +142,12 @@ def test_half_open_connections_keep_nobody_out(tmp_path: Path) -> None:
         assert studio.ask("/api/studio")["role"] == "operate", "the page as well"
 
 
-@pytest.mark.slow
 def test_what_waits_for_a_request_is_cut(studio: Served) -> None:
     with socket.create_connection((studio.host, studio.way["port"]), timeout=20) as slow:
         slow.sendall(b"POST /stop HTTP/1.1\r\nHost: ")
         assert slow.recv(100) == b""
 
 
-@pytest.mark.slow
 def test_an_old_page_stops_while_the_studio_is_gone_and_after_it_was_opened_again(tmp_path: Path) -> None:
     """In a folder with a long name: addresses of local sockets are short, folders need not be."""
     with opened(tmp_path / ("a long name " * 12)) as studio, at_work(studio) as work:
@@ -172,7 +166,6 @@ def test_an_old_page_stops_while_the_studio_is_gone_and_after_it_was_opened_agai
             again.kill()
 
 
-@pytest.mark.slow
 def test_a_listener_that_was_killed_is_started_again_on_its_port(studio: Served, work: Work) -> None:
     way = studio.way
     for path in Path("/proc").glob("[0-9]*/cmdline"):
@@ -189,7 +182,6 @@ def test_a_listener_that_was_killed_is_started_again_on_its_port(studio: Served,
         time.sleep(0.1)
 
 
-@pytest.mark.slow
 def test_other_pages_and_wrong_secrets_stop_nothing(studio: Served, work: Work) -> None:
     way = studio.way
     for origin in ("http://evil.example", "null", "http://127.0.0.1.evil.example"):

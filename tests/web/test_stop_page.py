@@ -19,7 +19,7 @@ from frida_painter.web.store import PaintingStore
 from frida_painter.web.studio_folder import Feed, PaintingRequest
 from served import Served, Work, end_listener, open_studio
 
-pytestmark = [pytest.mark.slow, WITH_CHROMIUM]
+pytestmark = WITH_CHROMIUM
 WAIT = 60_000  # ms
 
 

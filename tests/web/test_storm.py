@@ -93,7 +93,6 @@ def test_the_guard_hears_what_it_is_there_for(guard: Guard) -> None:
     guard.seen.clear()
 
 
-@pytest.mark.slow
 def test_nothing_senseless_does_any_harm(
     storm: ModuleType, guard: Guard, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -23,7 +23,7 @@ from frida_painter.report.painters import Painters
 from frida_painter.web.painting_state import Stage
 from support.told import FINISHED, PAINTED, PAUSED, PERSON, PICTURES, PLANNED, PROTECTED, REQUEST, Told
 
-pytestmark = [pytest.mark.slow, WITH_CHROMIUM, pytest.mark.timeout(560)]  # all views take some minutes
+pytestmark = [WITH_CHROMIUM, pytest.mark.timeout(560)]
 NIGHTLY = pytest.mark.skipif(not os.environ.get("EVERY_VIEW"), reason="`make views` draws all views")
 
 ROOT = Path(__file__).parents[2]

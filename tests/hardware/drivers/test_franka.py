@@ -27,8 +27,6 @@ from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
 from machines.franky_arm import BRUSH, HEIGHT, TABLE_AT, FrankyArm, tip_positions
 
-pytestmark = pytest.mark.slow
-
 HOME = (0.4, 0.0, 0.3)
 SPEED = 0.03
 

@@ -42,7 +42,6 @@ def test_of_a_process_that_is_gone_nothing_is_believed() -> None:
     assert not asked.thinking() and asked.starved_seconds() == 0.0
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the system does not count waits")
 def test_what_waits_for_a_processor_is_told_from_what_waits_for_nothing() -> None:
     """Two busy processes that share one processor: each is ready about half of the time. A third one sleeps."""

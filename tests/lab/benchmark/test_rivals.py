@@ -2,7 +2,6 @@ from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
-import pytest
 import torch
 
 from frida_painter import images
@@ -44,7 +43,6 @@ def error_of(planner: Planner, plan) -> float:
 BARE = float((torch.ones(3, 64, 85) - images.fit(two_halves(), 64, 85)).square().mean())
 
 
-@pytest.mark.slow
 def test_the_plain_algorithm_comes_near_in_few_paints(monkeypatch):
     monkeypatch.setattr(rivals, "_ITERATIONS", 60)
     planner = planner_of("medium")
@@ -56,7 +54,6 @@ def test_the_plain_algorithm_comes_near_in_few_paints(monkeypatch):
     assert rivals.plan_plain(run_of(planner), two_halves(), BUDGET).digest == plan.digest
 
 
-@pytest.mark.slow
 def test_the_greedy_painter_uses_each_brush_and_comes_near():
     planner = planner_of("broad", "medium", "fine")
     plan = rivals.plan_greedy(run_of(planner), two_halves(), BUDGET)

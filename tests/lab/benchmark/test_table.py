@@ -57,7 +57,6 @@ def peer(folder: Path, **changes: Any) -> BenchmarkTable:
     return replace(asked, **changes)
 
 
-@pytest.mark.slow
 def test_strokes_of_a_stranger_are_painted_and_judged_within_the_budget(small: Path, monkeypatch) -> None:
     more = "".join(f"{n},#{n:02x}8040,8,{x},{10 + n}\n" for n in range(10, 30) for x in (10, 40))
     (small / "strokes.csv").write_text(STROKES + more)

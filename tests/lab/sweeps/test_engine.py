@@ -14,8 +14,6 @@ from frida_painter.errors import ConfigError, TryFailed, WorkerUnfit
 from frida_painter.lab.sweeps import engine as engines
 from frida_painter.lab.sweeps.engine import Engine, TaskLimits, slots_here
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture(autouse=True)
 def _light(monkeypatch: pytest.MonkeyPatch) -> None:

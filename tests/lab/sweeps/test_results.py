@@ -166,7 +166,6 @@ def spec(tmp_path: Path, in_small_world: None) -> fp.RunSpec:
     return fp.RunSpec.of(**small, ground="auto", goal=[{"image": str(tmp_path / "coffee.png")}], seed=7)
 
 
-@pytest.mark.slow
 def test_the_plan_of_the_best_seed_is_chosen_on_its_ground(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:
     monkeypatch.setattr(runner, "Engine", lambda limits, slots: Here())
     best = best_candidate(spec, 2, tmp_path / "candidates", notify=lambda progress: None)

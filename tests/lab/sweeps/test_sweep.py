@@ -240,7 +240,6 @@ def test_wrong_sweeps_are_refused_before_anything_begins(
     assert engine.asked == [] and not (tmp_path / "sweep").exists() and not Path("sweeps").exists()
 
 
-@pytest.mark.slow
 def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, in_small_world: None) -> None:
     """In this process: what a run writes is what PaintingRun gives."""
     (tmp_path / "sweep").mkdir()
@@ -267,7 +266,6 @@ def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, in_small_
     assert evaluated["times"]["cpu_seconds"] > 0 and evaluated["versions"]["frida-painter"]
 
 
-@pytest.mark.slow
 def test_the_command_line_does_a_sweep_in_processes(tmp_path: Path, photo: Path) -> None:
     settings = "\n".join(f"{name} = {json.dumps(value)}" for name, value in SMALL.items())
     (tmp_path / "tiny.toml").write_text(f"[settings]\n{settings}\n[grid]\nimage = ['coffee.png']\nseed = [0, 1]\n")
