@@ -14,12 +14,12 @@ from frida_painter.brush.table import StrokeTable, cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.lab.experiment import Experiment, Value
-from frida_painter.lab.targets import load_shipped_targets
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.problem import PlanningProblem
+from frida_painter_lab.experiment import Experiment, Value
+from frida_painter_lab.targets import load_shipped_targets
 
 CANVAS = CanvasSize(0.3556, 0.2794)
 COLORS = 12

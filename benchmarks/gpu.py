@@ -19,13 +19,13 @@ import frida_painter as fp
 from clocks import CANVAS, COLORS, Benchmark, blank_problem, broad_brush, photograph
 from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.lab.experiment import Measurement, Notify, Results, ResultTable, Row, Run
-from frida_painter.lab.targets import STYLES, load_shipped_targets
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.problem import on_device
 from frida_painter.planning.refine import discretize
 from frida_painter.render import composite_moments, reference
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row, Run
+from frida_painter_lab.targets import STYLES, load_shipped_targets
 
 NO_GPU = (
     "There is no CUDA device here: PyTorch {version} sees none. Run this on a machine with an NVIDIA GPU and the CUDA "

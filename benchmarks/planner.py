@@ -11,8 +11,6 @@ import frida_painter as fp
 from clocks import CANVAS, COLORS, Benchmark, blank_problem, broad_brush, cpu_seconds, median_seconds, photograph
 from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.lab.experiment import Measurement, Notify, Results, ResultTable, Row, Run
-from frida_painter.lab.targets import STYLES, load_shipped_targets
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.optimize import optimize
@@ -21,6 +19,8 @@ from frida_painter.planning.refine import discretize
 from frida_painter.planning.variables import Paints
 from frida_painter.render import reference, scanline
 from frida_painter.strokes import Strokes
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row, Run
+from frida_painter_lab.targets import STYLES, load_shipped_targets
 from original import OriginalPlan, PaperNetwork
 
 REFERENCE, FAST = "reference", "scanline"

@@ -2,7 +2,7 @@
 
     python benchmarks/report.py [iteration plan ...] [--quick] [--page FILE]
 
-Each is an experiment like those of the paper (frida_painter.lab.experiment). Without names all are run that need no
+Each is an experiment like those of the paper (frida_painter_lab.experiment). Without names all are run that need no
 other machine. A section that is not run stays as it is, with its date. Leave the machine alone meanwhile.
 """
 
@@ -17,8 +17,8 @@ from pathlib import Path
 
 from clocks import Benchmark
 from frida_painter.devices import prepare_process
-from frida_painter.lab.experiment import Outcome, Progress
 from frida_painter.provenance import describe_here
+from frida_painter_lab.experiment import Outcome, Progress
 
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 OPENING = """# Benchmarks

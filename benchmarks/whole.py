@@ -11,9 +11,9 @@ from statistics import median
 
 from clocks import Benchmark
 from frida_painter import images, python_process, weights
-from frida_painter.lab.experiment import Measurement, Notify, Results, ResultTable, Run
-from frida_painter.lab.measures import psnr
-from frida_painter.lab.targets import load_shipped_targets
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Run
+from frida_painter_lab.measures import psnr
+from frida_painter_lab.targets import load_shipped_targets
 
 PROMPTS = (
     "a zygote in a petri dish", "a red car", "three swans on a lake", "an old man reading a book",
@@ -28,7 +28,7 @@ from pathlib import Path
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.words.scene import scene_of
+from frida_painter_words.scene import scene_of
 scene_of(sys.argv[1], PixelGrid.of_height(CanvasSize.parse("14x11in"), 480), EncoderRegistry(Path(sys.argv[2])))
 """
 

@@ -9,7 +9,7 @@ from frida_painter.brush.table import StrokeTable, TableDetail, cached_table
 from frida_painter.frames import MapFrame
 from frida_painter.stroke_family import StrokeFamily, spline_matrix
 from frida_painter.strokes import StrokeLimits
-from frida_painter.teaching.bezier import BezierStroke, RibbonShape
+from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape
 from made_once import made_by_this_code
 
 SMALL = BrushKind("small", StrokeLimits((0.010, 0.030), (-0.008, 0.008)), 0.008)

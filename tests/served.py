@@ -16,9 +16,9 @@ from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
-from frida_painter.web.stop import StopWatch
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_folder import WorkerLock
+from frida_painter_studio.stop import StopWatch
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.studio_folder import WorkerLock
 
 PATIENCE = 5.0
 """Seconds for a stop on a machine on which anything else may run; tests/stress/stop.py measures how long it takes."""

@@ -15,15 +15,15 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.errors import RobotError, StorageError
 from frida_painter.event_log import EventLog
-from frida_painter.lab import commands
-from frida_painter.lab.experiment import Experiment
-from frida_painter.lab.sweeps.sweep_folder import RunFolder
-from frida_painter.procedures.strokes import Recording, RecordingSettings
 from frida_painter.runs import run
 from frida_painter.runs.look_folder import USED, GivenPicture, LookFolder
-from frida_painter.web import imaginer, worker
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_folder import PaintingFolder
+from frida_painter_calibration.procedures.strokes import Recording, RecordingSettings
+from frida_painter_lab import commands
+from frida_painter_lab.experiment import Experiment
+from frida_painter_lab.sweeps.sweep_folder import RunFolder
+from frida_painter_studio import imaginer, worker
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.studio_folder import PaintingFolder
 from marks import ribbon
 from support.belongings import files_of_a_person, require_untouched
 from support.plans import made_up_plan

@@ -16,7 +16,7 @@ import frida_painter
 from test_house import SOURCES
 
 ROOT = Path(frida_painter.__file__).parent
-ENVIRONMENTS = "frida_painter.env"
+ENVIRONMENTS = "frida_painter_lab.env"
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 
 

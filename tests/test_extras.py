@@ -12,15 +12,15 @@ import pytest
 
 from frida_painter import registry
 from frida_painter.cli import commands
-from frida_painter.env import make_env
 from frida_painter.errors import CameraError, ConfigError, FridaError, RobotError, WeightsError
-from frida_painter.hardware.cameras.gphoto import GphotoCamera
-from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.web.web_studio import abilities
 from frida_painter.weights import catalogue
-from frida_painter.words.libraries import read_picture
+from frida_painter_drivers.cameras.gphoto import GphotoCamera
+from frida_painter_drivers.serial_line import SerialLine
+from frida_painter_lab.env import make_env
+from frida_painter_studio.web_studio import abilities
+from frida_painter_words.libraries import read_picture
 
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"
 

@@ -7,7 +7,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from support.planning import picture
 
 

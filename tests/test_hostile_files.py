@@ -20,8 +20,6 @@ from frida_painter.errors import FridaError, StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.lab.sweeps.sweep_folder import SweepFolder
-from frida_painter.lab.sweeps.sweep_spec import SweepSpec
 from frida_painter.mixing.recipe import PaintSet
 from frida_painter.perception import flatfield
 from frida_painter.perception.color import read_palette
@@ -29,7 +27,6 @@ from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.runs import look_folder, painting_folder
 from frida_painter.runs.goal_item import read_goal_file
-from frida_painter.runs.machine_setup import MachineSetup
 from frida_painter.runs.painting_easel import order
 from frida_painter.runs.run_record import RunRecord
 from frida_painter.runs.spec import RunSpec
@@ -52,7 +49,10 @@ from frida_painter.session.events import (
 )  # fmt: skip
 from frida_painter.session.journal import FORMAT, VERSION
 from frida_painter.session.opening import load_record
-from frida_painter.teaching.marks import read_marks
+from frida_painter_calibration.machine_setup import MachineSetup
+from frida_painter_calibration.teaching.marks import read_marks
+from frida_painter_lab.sweeps.sweep_folder import SweepFolder
+from frida_painter_lab.sweeps.sweep_spec import SweepSpec
 from support.plans import made_up_plan
 
 HOSTILE = (None, True, -1, 2**62, 1e300, "", "\0", "\ud800", "a" * 5000, [], {}, [None], {"a": 1}, [[1.0]])

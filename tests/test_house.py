@@ -32,17 +32,16 @@ def layers() -> tuple[tuple[str, ...], ...]:
 
 LAYERS = layers()
 # Faces are thin, and none knows another: each can be taken away.
-FACES = ("cli", "web")
-# Edges are found by name, as a stranger's package is; the core imports none of them, and a painting of a photograph
-# loads none of them. A room, or modules of a room: calibration has its own in cli/, runs/ and report/.
-CALIBRATION = (
-    *("procedures", "teaching", "runs.calibrating", "runs.machine_setup", "runs.setup_dialogue", "cli.calibrate"),
-    *("cli.calibration", "cli.controller", "cli.setup", "cli.strokes", "cli.teach", "cli.without_camera"),
-    *("report.family_sheet", "report.machine_sheet", "report.training_page"),
-)
+FACES = ("cli", "frida_painter_studio")
+# Edges are packages of their own, found by name as a stranger's are; the core imports none of them, and a
+# painting of a photograph loads none of them.
 EDGES = (
-    *("words", "picture_makers", "together", "sawyer", "lab", "env", "web", "hardware.drivers", "hardware.cameras"),
-    *CALIBRATION,
+    "frida_painter_calibration",
+    "frida_painter_drivers",
+    "frida_painter_lab",
+    "frida_painter_studio",
+    "frida_painter_together",
+    "frida_painter_words",
 )
 # What may name an edge: the public names, and those for packages of parts, which are loaded when they are used.
 DOORS = ("", "plugins", "plugins.conformance")
@@ -51,8 +50,8 @@ OPENED_BY_A_RUN = {"planning.planner", "easel.parent", "session.journal", "repor
 # Experiments take less: no session and no easel of a painting either.
 OPENED_FOR = {
     "cli": OPENED_BY_A_RUN,
-    "web": OPENED_BY_A_RUN,
-    "lab": OPENED_BY_A_RUN | {"runs.settle", "session.loop", "easel.open", "brush.table"},
+    "frida_painter_studio": OPENED_BY_A_RUN,
+    "frida_painter_lab": OPENED_BY_A_RUN | {"runs.settle", "session.loop", "easel.open", "brush.table"},
 }
 # The virtual studio is reality: what judges or predicts it must not be inside it.
 REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", "planning", "session"}}
@@ -70,10 +69,10 @@ OWN_FILES = {
     "hardware/workcell.py",
     "mixing/paint.py",
     "provenance.py",
-    "sawyer/surroundings.py",
-    "web/studio_folder.py",
-    "web/security.py",
-    "web/server.py",
+    "frida_painter_drivers/sawyer/surroundings.py",
+    "frida_painter_studio/studio_folder.py",
+    "frida_painter_studio/security.py",
+    "frida_painter_studio/server.py",
     "weights/archive.py",
     "weights/cache.py",
     "weights/sources.py",
@@ -86,8 +85,8 @@ OWN_FILES = {
 # have a library start Python, `isolate_children`.
 STARTING = {
     "python_process.py": {"sys.executable", "subprocess.Popen", "subprocess.run"},
-    "lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor"},
-    "picture_makers/program.py": {"subprocess.Popen"},
+    "frida_painter_lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor"},
+    "frida_painter_words/picture_makers/program.py": {"subprocess.Popen"},
     "video.py": {"subprocess.Popen", "subprocess.run"},
     "registry.py": {"sys.executable"},
     "weights/sources.py": {"subprocess.Popen", "sys.executable"},
@@ -105,24 +104,26 @@ DELETING = {
     "easel/watchdog.py": 1,  # the stop file that it obeyed
     "event_log.py": 4,  # the log, its tally and its reserve, by their full names
     "hardware/latch.py": 2,  # the record of a stop; a folder in its place is renamed
-    "lab/commands.py": 1,  # a folder named by storage.PART
-    "lab/sweeps/sweep_folder.py": 2,  # the failure of a run, and a copy that it just made
-    "procedures/strokes.py": 4,  # numbered strokes of the recording in a folder that was empty before it
+    "frida_painter_lab/commands.py": 1,  # a folder named by storage.PART
+    "frida_painter_lab/sweeps/sweep_folder.py": 2,  # the failure of a run, and a copy that it just made
+    # numbered strokes of the recording in a folder that was empty before it
+    "frida_painter_calibration/procedures/strokes.py": 4,
     "runs/look_folder.py": 1,  # moves a picture beside others of its name
-    "picture_makers/making.py": 5,  # pictures that its record names; a canvas without pictures; empty folders
+    # pictures that its record names; a canvas without pictures; empty folders
+    "frida_painter_words/picture_makers/making.py": 5,
     "runs/run.py": 2,  # empty folders
-    "sawyer/arm_film.py": 1,  # the end of the film, which it just made
+    "frida_painter_drivers/sawyer/arm_film.py": 1,  # the end of the film, which it just made
     "storage.py": 2,  # temporary files, named by PART
-    "web/imaginer.py": 1,  # copies for the page, named by a random name of 24 digits
-    "web/painter.py": 1,  # pictures with random names that it made itself
-    "web/server.py": 1,  # the links of the studio that closes
-    "web/stop.py": 2,  # its own key in the making, and the socket
-    "web/store.py": 1,  # the folder of a painting, on a person's word
-    "web/studio_folder.py": 2,  # a lock, and pictures with random names for the page
-    "web/telling.py": 2,  # numbered pictures for the page
-    "web/web_studio.py": 5,  # stop files
-    "web/worker.py": 1,  # a stop file
-    "web/workers.py": 3,  # stop files
+    "frida_painter_studio/imaginer.py": 1,  # copies for the page, named by a random name of 24 digits
+    "frida_painter_studio/painter.py": 1,  # pictures with random names that it made itself
+    "frida_painter_studio/server.py": 1,  # the links of the studio that closes
+    "frida_painter_studio/stop.py": 2,  # its own key in the making, and the socket
+    "frida_painter_studio/store.py": 1,  # the folder of a painting, on a person's word
+    "frida_painter_studio/studio_folder.py": 2,  # a lock, and pictures with random names for the page
+    "frida_painter_studio/telling.py": 2,  # numbered pictures for the page
+    "frida_painter_studio/web_studio.py": 5,  # stop files
+    "frida_painter_studio/worker.py": 1,  # a stop file
+    "frida_painter_studio/workers.py": 3,  # stop files
     "weights/cache.py": 5,  # downloads that are named by their hash, and their empty folder; the record
     "weights/sources.py": 3,  # downloads that are named by their hash; folders named by storage.PART
 }
@@ -232,7 +233,9 @@ def broken_rules(root: Path, package: str) -> list[str]:
         f"{name} imports {target}, which PaintingRun opens for it"
         for name, targets in graph.items()
         for target in sorted(targets & OPENED_FOR.get(name.partition(".")[0], set()))
-        if not name.startswith("lab.sweeps")  # many runs, each of them a PaintingRun
+        if not name.startswith(
+            ("frida_painter_lab.sweeps", "frida_painter_lab.env")
+        )  # many runs, each of them a PaintingRun
     ]
     broken += [
         f"{name} imports {target}, which is an edge"
@@ -307,8 +310,14 @@ def test_imports_only_go_down_and_never_in_circles() -> None:
         ),
         ({"render/fast.py": "import house.brush.a", "brush/a.py": "import house.render.fast"}, " -> "),
         ({"virtual/a.py": "from house.render import fast", "render/fast.py": ""}, "must not be part of reality"),
-        ({"web/a.py": "def f():\n    from house.cli import b", "cli/b.py": ""}, "which is another face"),
-        ({"runs/a.py": "from house.words.b import c", "words/b.py": ""}, "which is an edge"),
+        (
+            {"frida_painter_studio/a.py": "def f():\n    from house.cli import b", "cli/b.py": ""},
+            "which is another face",
+        ),
+        (
+            {"runs/a.py": "from house.frida_painter_words.b import c", "frida_painter_words/b.py": ""},
+            "which is an edge",
+        ),
         (
             {
                 "objectives/a.py": "import house.objectives.kinds.b",
@@ -318,7 +327,7 @@ def test_imports_only_go_down_and_never_in_circles() -> None:
             "rooms in a circle: objectives -> objectives.kinds -> objectives",
         ),
         ({"cli/a.py": "from house.planning.planner import P", "planning/planner.py": ""}, "PaintingRun opens for it"),
-        ({"lab/a.py": "import house.session.loop", "session/loop.py": ""}, "PaintingRun opens for it"),
+        ({"frida_painter_lab/a.py": "import house.session.loop", "session/loop.py": ""}, "PaintingRun opens for it"),
     ],
 )
 def test_the_checker_can_fail(tmp_path: Path, files: dict[str, str], says: str) -> None:

@@ -12,11 +12,11 @@ import pytest
 from frida_painter import compiled, event_log, locks
 from frida_painter.errors import FridaError, StorageError
 from frida_painter.event_log import FEED, JOURNAL, EventLog
-from frida_painter.lab.sweeps import sweep_folder
-from frida_painter.lab.sweeps.sweep_folder import RunFolder, SweepFolder
-from frida_painter.web import network
-from frida_painter.web.network import WebAppLock
-from frida_painter.web.studio_folder import PaintingFolder, WorkerLock
+from frida_painter_lab.sweeps import sweep_folder
+from frida_painter_lab.sweeps.sweep_folder import RunFolder, SweepFolder
+from frida_painter_studio import network
+from frida_painter_studio.network import WebAppLock
+from frida_painter_studio.studio_folder import PaintingFolder, WorkerLock
 from test_house import SOURCES, place_of
 
 

@@ -14,8 +14,8 @@ from frida_painter.errors import StorageError
 from frida_painter.event_log import FEED, JOURNAL, EventLog, LogPolicy, LogReader
 from frida_painter.virtual import simulation_log
 from frida_painter.virtual.simulation_log import SimulationLog
-from frida_painter.web import commands
-from frida_painter.web.studio_folder import PaintingFolder
+from frida_painter_studio import commands
+from frida_painter_studio.studio_folder import PaintingFolder
 
 Record = dict[str, Any]
 BEGUN = {"kind": "painting_begun"}

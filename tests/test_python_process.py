@@ -14,7 +14,7 @@ from PIL import Image
 
 import frida_painter
 from frida_painter import python_process
-from frida_painter.words import svg_process
+from frida_painter_words import svg_process
 from test_house import SOURCES
 
 ROOT = Path(frida_painter.__file__).parent
@@ -23,7 +23,7 @@ POISON = "import posix\nposix.close(posix.open({!r}, posix.O_CREAT | posix.O_WRO
 OF_PYTHON = {*sys.stdlib_module_names, "sitecustomize", "usercustomize", "frida_painter"}
 PARTS = "[frida_painter.robots]\npoison = poison:KIND\n[frida_painter.mixers]\npoison = poison:KIND\n"
 ONE_TASK = """
-from frida_painter.lab.sweeps.engine import Engine, TaskLimits
+from frida_painter_lab.sweeps.engine import Engine, TaskLimits
 if __name__ == "__main__":
     print(*(ended.value for ended in Engine(TaskLimits(), 1).run(len, ["abc"])))
 """
@@ -68,11 +68,11 @@ CHILDREN = {
     "frida_painter.compiled": (("loops", "frame_kernels"), None, 0),
     "frida_painter.easel.host": (("SOCKET", "SOCKET", "virtual"), None, 0),
     "frida_painter.picture_file": (("a.png", "9999", "9", "3"), picture(), 0),
-    "frida_painter.picture_makers.pipeline_process": ((".",), None, 1),
-    "frida_painter.web.decoder": ((), picture(), 0),
-    "frida_painter.web.reader": (("makers", "command:true", "diffusers:a/b"), None, 0),
-    "frida_painter.web.stop_listener": (("nowhere", "-1", "-1", "-1", "{}"), None, 1),
-    "frida_painter.web.worker_process": (("plan", "FOLDER", "1", "-1", "{}"), None, 1),
+    "frida_painter_words.picture_makers.pipeline_process": ((".",), None, 1),
+    "frida_painter_studio.decoder": ((), picture(), 0),
+    "frida_painter_studio.reader": (("makers", "command:true", "diffusers:a/b"), None, 0),
+    "frida_painter_studio.stop_listener": (("nowhere", "-1", "-1", "-1", "{}"), None, 1),
+    "frida_painter_studio.worker_process": (("plan", "FOLDER", "1", "-1", "{}"), None, 1),
     "huggingface_hub.cli.hf": (("download", "a/b", "-q"), None, 1),
     "pip": (("download", "--no-index", "nothing-of-this-name"), None, 1),
     svg_process.__file__: ((), b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"/>', 0),

@@ -101,4 +101,4 @@ def test_names_are_listed_without_anything_that_computes_or_drives(tmp_path: Pat
         cwd=tmp_path,
     )
     loaded = set(said.stdout.split())
-    assert not loaded & {"torch", "cv2", "pydantic", "frida_painter.hardware.drivers.xarm"}
+    assert not loaded & {"torch", "cv2", "pydantic", "frida_painter_drivers.xarm"}

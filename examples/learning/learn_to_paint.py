@@ -24,9 +24,9 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 import frida_painter as fp
-from frida_painter.env.policies import GreedyPolicy, PlannerPolicy, RandomPolicy, play
-from frida_painter.env.wrappers import VectorObservation, VectorObservations
-from frida_painter.lab.targets import load_shipped_targets
+from frida_painter_lab.env.policies import GreedyPolicy, PlannerPolicy, RandomPolicy, play
+from frida_painter_lab.env.wrappers import VectorObservation, VectorObservations
+from frida_painter_lab.targets import load_shipped_targets
 
 LEARNED_FROM, HELD_OUT = ("astronaut", "cat", "coffee", "retina"), "rocket"
 SETTINGS: dict[str, Any] = {"canvas": "12x9cm", "brush": "medium", "paints": 6, "strokes": 30, "rows": 32}

@@ -12,14 +12,11 @@ if TYPE_CHECKING:
     from frida_painter.brush.kinds import StrokeModel
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.weights import load_stroke_model
-    from frida_painter.env import make_env
     from frida_painter.errors import FridaError
     from frida_painter.exporter import export_plan
     from frida_painter.hardware.robot import Camera, Robot
     from frida_painter.images import load as load_picture
     from frida_painter.images import save as save_picture
-    from frida_painter.lab.records import record
-    from frida_painter.lab.sweeps.runner import sweep
     from frida_painter.objectives.objective import Objective
     from frida_painter.palette import Palette
     from frida_painter.plan import Plan
@@ -33,6 +30,9 @@ if TYPE_CHECKING:
     from frida_painter.session import events
     from frida_painter.strokes import Strokes
     from frida_painter.virtual.studio import open_studio as open_virtual_studio
+    from frida_painter_lab.env import make_env
+    from frida_painter_lab.records import record
+    from frida_painter_lab.sweeps.runner import sweep
 
     __version__: str
 
@@ -71,35 +71,35 @@ __all__ = [
 
 # Module and name inside it for each public name; "" for the module itself
 _HOMES = {
-    "Camera": ("hardware.robot", "Camera"),
-    "FridaError": ("errors", "FridaError"),
-    "Objective": ("objectives.objective", "Objective"),
-    "PaintingRun": ("runs.run", "PaintingRun"),
-    "Palette": ("palette", "Palette"),
-    "Plan": ("plan", "Plan"),
-    "Planner": ("planning.planner", "Planner"),
-    "PlannerSettings": ("planning.settings", "PlannerSettings"),
-    "Robot": ("hardware.robot", "Robot"),
-    "RunSpec": ("runs.spec", "RunSpec"),
-    "StrokeLibrary": ("brush.library", "StrokeLibrary"),
-    "StrokeModel": ("brush.kinds", "StrokeModel"),
-    "Strokes": ("strokes", "Strokes"),
-    "events": ("session.events", ""),
-    "export_plan": ("exporter", "export_plan"),
-    "load_picture": ("images", "load"),
-    "load_stroke_model": ("brush.weights", "load_stroke_model"),
-    "make_env": ("env", "make_env"),
-    "make_goal": ("runs.goals", "make_goal"),
-    "make_planner": ("runs.settle", "make_planner"),
-    "open_virtual_studio": ("virtual.studio", "open_studio"),
-    "paint": ("runs.run", "paint"),
-    "plugins": ("plugins", ""),
-    "record": ("lab.records", "record"),
-    "render_batch": ("render.painting", "render_batch"),
-    "render_plan": ("render.painting", "render_plan"),
-    "render_strokes": ("render.painting", "render_strokes"),
-    "save_picture": ("images", "save"),
-    "sweep": ("lab.sweeps.runner", "sweep"),
+    "Camera": ("frida_painter.hardware.robot", "Camera"),
+    "FridaError": ("frida_painter.errors", "FridaError"),
+    "Objective": ("frida_painter.objectives.objective", "Objective"),
+    "PaintingRun": ("frida_painter.runs.run", "PaintingRun"),
+    "Palette": ("frida_painter.palette", "Palette"),
+    "Plan": ("frida_painter.plan", "Plan"),
+    "Planner": ("frida_painter.planning.planner", "Planner"),
+    "PlannerSettings": ("frida_painter.planning.settings", "PlannerSettings"),
+    "Robot": ("frida_painter.hardware.robot", "Robot"),
+    "RunSpec": ("frida_painter.runs.spec", "RunSpec"),
+    "StrokeLibrary": ("frida_painter.brush.library", "StrokeLibrary"),
+    "StrokeModel": ("frida_painter.brush.kinds", "StrokeModel"),
+    "Strokes": ("frida_painter.strokes", "Strokes"),
+    "events": ("frida_painter.session.events", ""),
+    "export_plan": ("frida_painter.exporter", "export_plan"),
+    "load_picture": ("frida_painter.images", "load"),
+    "load_stroke_model": ("frida_painter.brush.weights", "load_stroke_model"),
+    "make_env": ("frida_painter_lab.env", "make_env"),
+    "make_goal": ("frida_painter.runs.goals", "make_goal"),
+    "make_planner": ("frida_painter.runs.settle", "make_planner"),
+    "open_virtual_studio": ("frida_painter.virtual.studio", "open_studio"),
+    "paint": ("frida_painter.runs.run", "paint"),
+    "plugins": ("frida_painter.plugins", ""),
+    "record": ("frida_painter_lab.records", "record"),
+    "render_batch": ("frida_painter.render.painting", "render_batch"),
+    "render_plan": ("frida_painter.render.painting", "render_plan"),
+    "render_strokes": ("frida_painter.render.painting", "render_strokes"),
+    "save_picture": ("frida_painter.images", "save"),
+    "sweep": ("frida_painter_lab.sweeps.runner", "sweep"),
 }
 
 
@@ -115,7 +115,7 @@ if not TYPE_CHECKING:  # a type checker would take any name, and a typo, for one
 
             module, inside = _HOMES[name]
             prepare_forks()
-            home = import_module(f"{__name__}.{module}")
+            home = import_module(module)
             found = getattr(home, inside) if inside else home
         else:
             from difflib import get_close_matches

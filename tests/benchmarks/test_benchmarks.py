@@ -7,9 +7,9 @@ import torch
 
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.lab.experiment import Outcome, ResultTable
 from frida_painter.planning.initialize import uniform
 from frida_painter.render import render
+from frida_painter_lab.experiment import Outcome, ResultTable
 from support.programs import load_program
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"

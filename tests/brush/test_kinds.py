@@ -4,7 +4,7 @@ import torch
 from frida_painter.brush.kinds import KINDS, brush_kind
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import ConfigError, WeightsError
-from frida_painter.teaching.bezier import BezierStroke
+from frida_painter_calibration.teaching.bezier import BezierStroke
 from marks import shapes
 
 

@@ -14,9 +14,9 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import WeightsError
-from frida_painter.teaching.evaluation import likelihood
-from frida_painter.teaching.param2stroke import Param2Stroke
-from frida_painter.teaching.training import train_field
+from frida_painter_calibration.teaching.evaluation import likelihood
+from frida_painter_calibration.teaching.param2stroke import Param2Stroke
+from frida_painter_calibration.teaching.training import train_field
 from marks import SMALL, shapes, small_library
 
 

@@ -5,7 +5,7 @@ from frida_painter.brush import table
 from frida_painter.brush.kinds import StrokeFunction
 from frida_painter.brush.table import StrokeTable, TableDetail, cached_table
 from frida_painter.errors import ConfigError
-from frida_painter.teaching.bezier import BezierStroke
+from frida_painter_calibration.teaching.bezier import BezierStroke
 from marks import SMALL, ribbon, shapes, small_frame
 
 DETAIL = TableDetail(spans=(2, 3, 3), rank=12)

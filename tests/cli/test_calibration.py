@@ -11,10 +11,10 @@ from frida_painter.calibration import OF_A_BRUSH, Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.runs.calibrating import default_record
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 from frida_painter.virtual.studio import open_studio
+from frida_painter_calibration.calibrating import default_record
 from support.commandline import Command
 
 TRUE_PHOTOGRAPHS = True

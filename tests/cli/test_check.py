@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 
 from frida_painter import images
-from frida_painter.cli.controller import examine
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig, example
+from frida_painter_calibration.commands.controller import examine
 from machines import grbl, marlin
 from machines.bench import tell_zero
 from machines.simulated_time import SimulatedTime, simulated_time

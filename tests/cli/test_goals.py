@@ -17,8 +17,8 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
-from frida_painter.words.retrieval import picture_index
-from frida_painter.words.text import TextTerm
+from frida_painter_words.retrieval import picture_index
+from frida_painter_words.text import TextTerm
 from support.commandline import run_command
 from support.networks import QuickEncoders
 from support.planning import picture

@@ -12,8 +12,8 @@ from frida_painter import images
 from frida_painter.cli import imagining
 from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
-from frida_painter.picture_makers import making as picture_making
-from frida_painter.picture_makers.making import MadePicture, Making
+from frida_painter_words.picture_makers import making as picture_making
+from frida_painter_words.picture_makers.making import MadePicture, Making
 from support.commandline import Command
 from tiny_pipelines import fetch_imagine
 

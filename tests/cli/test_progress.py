@@ -38,8 +38,8 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.time_left import Pace, PlanTime, RemainingTime, duration, remaining_seconds, share_of_plan
-from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
-from frida_painter.web.telling import Reporter
+from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
+from frida_painter_studio.telling import Reporter
 from support.plans import made_up_plan
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10

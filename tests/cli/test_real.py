@@ -17,9 +17,9 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.event_log import EventLog
-from frida_painter.hardware.drivers.gcode import GcodeRobot, GcodeSettings
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.journal import History
+from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings
 from killing import kill_when
 from machines.grbl import GRBL, GRBLHAL, QUICK, GrblController
 from machines.simulated_time import Living

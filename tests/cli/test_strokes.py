@@ -10,9 +10,9 @@ import pytest
 from frida_painter import registry
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.teaching import evaluation
-from frida_painter.teaching.evaluation import evaluate
-from frida_painter.teaching.param2stroke import Param2Stroke
+from frida_painter_calibration.teaching import evaluation
+from frida_painter_calibration.teaching.evaluation import evaluate
+from frida_painter_calibration.teaching.param2stroke import Param2Stroke
 from marks import small_library
 from plugins import install
 
@@ -34,12 +34,12 @@ def hasty(monkeypatch):
     def hastily(name, library, kind=None, *, seed=0, notify=None):
         return thoroughly(name, library, kind, seed=seed, hasty=True, notify=notify)
 
-    monkeypatch.setattr("frida_painter.teaching.evaluation.learn", hastily)
-    monkeypatch.setattr("frida_painter.teaching.evaluation.learn", hastily)
+    monkeypatch.setattr("frida_painter_calibration.teaching.evaluation.learn", hastily)
+    monkeypatch.setattr("frida_painter_calibration.teaching.evaluation.learn", hastily)
 
 
 def test_a_brush_is_learned_and_then_tested_on_other_strokes(run, monkeypatch):
-    monkeypatch.setattr("frida_painter.teaching.training._STEPS", 60)
+    monkeypatch.setattr("frida_painter_calibration.teaching.training._STEPS", 60)
     status, out, _ = run("train", "library.npz", "--seed", 3, "--out", "my/brush.safetensors")
     assert status == 0
     claimed = float(re.search(r"magnitude is (0\.\d+)", out)[1])

@@ -10,12 +10,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frida_painter.cli.teach import guide, teach
 from frida_painter.easel import guiding
 from frida_painter.errors import ConfigError, FamilyError, MotionFailed
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.teaching.marks import read_marks
+from frida_painter_calibration.commands.teach import guide, teach
+from frida_painter_calibration.teaching.marks import read_marks
 from machines.xarm_box import COLLISION, STANDBY, TEACHING, XarmBox, use_ports
 
 pytest.importorskip("xarm", reason="the extra `xarm` is not installed")
@@ -44,7 +44,7 @@ def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 @pytest.fixture
 def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(guiding, "state_folder", lambda: tmp_path / "state")
-    monkeypatch.setattr("frida_painter.runs.calibrating.default_record", lambda easel: tmp_path / "record.json")
+    monkeypatch.setattr("frida_painter_calibration.calibrating.default_record", lambda easel: tmp_path / "record.json")
     path = tmp_path / "studio.toml"
     path.write_text(example())
     return path

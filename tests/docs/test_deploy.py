@@ -11,7 +11,7 @@ import typer
 from typer.main import get_group
 
 from frida_painter.cli.commands import nothing_first
-from frida_painter.web import studio_command
+from frida_painter_studio import studio_command
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 

@@ -117,7 +117,7 @@ def test_python_names_what_is_there(page: Path) -> None:
 def test_a_lost_name_is_found() -> None:
     assert lost_names("import frida_painter as fp\nfp.Plannr") == ["fp.Plannr"]
     assert lost_names("from frida_painter.plan import Plan, Plam") == ["frida_painter.plan.Plam"]
-    assert lost_names("from frida_painter.lab import experiment") == []
+    assert lost_names("from frida_painter_lab import experiment") == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -19,13 +19,13 @@ from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import RobotAbandoned, RobotDisconnected, RobotStopped
-from frida_painter.hardware.drivers.axidraw import AxidrawRobot, AxidrawSettings
-from frida_painter.hardware.drivers.gcode import GcodeRobot
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workcell import example
+from frida_painter_drivers.axidraw import AxidrawRobot, AxidrawSettings
+from frida_painter_drivers.gcode import GcodeRobot
 from machines.bench import tell_zero
 from machines.ebb import Ebb
 from machines.grbl import GRBL, QUICK, GrblController

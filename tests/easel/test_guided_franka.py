@@ -13,9 +13,9 @@ pytest.importorskip("franky_sim")
 from frida_painter.easel import guiding
 from frida_painter.easel.guiding import guide_arm
 from frida_painter.errors import MotionFailed, RobotError
-from frida_painter.hardware.drivers.franka import FrankaReach
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
+from frida_painter_drivers.franka import FrankaReach
 from machines.franky_arm import BRUSH, FrankyArm, tip_positions
 
 

@@ -15,10 +15,10 @@ import pytest
 from frida_painter.easel import guiding
 from frida_painter.easel.guiding import guide_arm
 from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.teaching.marks import MarkCutter, read_marks
+from frida_painter_calibration.teaching.marks import MarkCutter, read_marks
+from frida_painter_drivers.xarm import XarmRobot, XarmSettings
 from machines.paths import a_stroke
 from machines.xarm_box import COLLISION, PAUSED, STANDBY, TEACHING, XarmBox, use_ports
 from support.hand_marks import make_marks

@@ -10,15 +10,15 @@ from frida_painter.easel.kinds import SIMULATED
 from frida_painter.easel.open import machines, make_camera, make_robot, open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, PluginError
-from frida_painter.hardware.cameras.folder import FolderCamera
-from frida_painter.hardware.cameras.gphoto import GphotoCamera
-from frida_painter.hardware.cameras.opencv import OpencvCamera
-from frida_painter.hardware.drivers.axidraw import AxidrawRobot
-from frida_painter.hardware.drivers.gcode import GcodeRobot
-from frida_painter.hardware.drivers.rosbridge import RosRobot
-from frida_painter.hardware.drivers.xarm import XarmRobot
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.observer import CanvasObserver, CanvasStart
+from frida_painter_drivers.axidraw import AxidrawRobot
+from frida_painter_drivers.cameras.folder import FolderCamera
+from frida_painter_drivers.cameras.gphoto import GphotoCamera
+from frida_painter_drivers.cameras.opencv import OpencvCamera
+from frida_painter_drivers.gcode import GcodeRobot
+from frida_painter_drivers.rosbridge import RosRobot
+from frida_painter_drivers.xarm import XarmRobot
 from plugins import install
 
 AS_SEEN = ((1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0))  # a map of colours that changes nothing

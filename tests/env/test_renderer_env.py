@@ -12,11 +12,10 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AsyncVectorEnv
 
 import frida_painter as fp
-import frida_painter.env
 from frida_painter.brush.table import cached_table
-from frida_painter.env.renderer_env import RendererEnv, RendererVectorEnv
 from frida_painter.errors import ConfigError, FridaError, ImageError, StepRefused
 from frida_painter.render.painting import render
+from frida_painter_lab.env.renderer_env import RendererEnv, RendererVectorEnv
 
 SMALL = {"canvas": "9x7cm", "brush": "fine", "paints": ["#eeddaa", "#aa3333", "#222233"], "rows": 28, "strokes": 5}
 GOAL = torch.rand(3, 40, 50, generator=torch.Generator().manual_seed(3))

@@ -7,7 +7,6 @@ import torch
 from gymnasium.utils.env_checker import check_env
 
 import frida_painter as fp
-import frida_painter.env
 from frida_painter.errors import ConfigError, StepRefused
 
 SMALL = {

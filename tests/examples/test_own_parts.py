@@ -26,10 +26,10 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import CameraError, ConfigError
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.objectives.objective import goal_kinds
-from frida_painter.picture_makers.making import PictureRequest, open_picture_maker
 from frida_painter.plan import Plan
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import looks_on_the_way, parse_replan_policy
+from frida_painter_words.picture_makers.making import PictureRequest, open_picture_maker
 from plugins import OWN_PARTS, install_own_parts
 from session.easel_errands import easel_of, stroke
 from support import data

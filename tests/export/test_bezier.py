@@ -5,7 +5,7 @@ import torch
 from frida_painter.brush.kinds import MEDIUM
 from frida_painter.export.vector import control_points, mark_widths
 from frida_painter.strokes import Strokes
-from frida_painter.teaching.bezier import BezierStroke
+from frida_painter_calibration.teaching.bezier import BezierStroke
 from support.plans import made_up_strokes
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from frida_painter.cli import commands
-from frida_painter.lab.commands import ROWS, UNFINISHED, ExperimentRow
-from frida_painter.lab.experiment import Run
-from frida_painter.lab.targets import Target
+from frida_painter_lab.commands import ROWS, UNFINISHED, ExperimentRow
+from frida_painter_lab.experiment import Run
+from frida_painter_lab.targets import Target
 from marks import small_library
 
 Said = tuple[int, str, str]

@@ -10,8 +10,8 @@ import torch
 from PIL import Image
 
 from frida_painter.errors import TryFailed
-from frida_painter.lab import experiment as carrier
-from frida_painter.lab.experiment import (
+from frida_painter_lab import experiment as carrier
+from frida_painter_lab.experiment import (
     Experiment,
     Measurement,
     Outcome,
@@ -23,7 +23,7 @@ from frida_painter.lab.experiment import (
     silent,
     within,
 )
-from frida_painter.lab.sweeps.sweep_folder import RunFolder
+from frida_painter_lab.sweeps.sweep_folder import RunFolder
 from sweep_engine import Here
 
 PICTURE = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(0))

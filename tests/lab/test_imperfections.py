@@ -9,7 +9,10 @@ from torch import Tensor
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
-from frida_painter.lab.paintings import (
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter_lab.paintings import (
     CAMERA,
     IMPERFECTIONS,
     LOAD,
@@ -20,9 +23,6 @@ from frida_painter.lab.paintings import (
     StudioWithout,
     execute,
 )
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
-from frida_painter.strokes import StrokeLimits, Strokes
 
 SIZE, ROWS = CanvasSize(0.09, 0.07), 70
 LIMITS = StrokeLimits((0.012, 0.06), (-0.01, 0.01))

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.lab.measures import (
+from frida_painter_lab.measures import (
     direction_agreement,
     edge_correlation,
     edge_score,

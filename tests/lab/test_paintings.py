@@ -14,14 +14,14 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
-from frida_painter.lab import goals
-from frida_painter.lab.experiment import Outcome
-from frida_painter.lab.goals import PROMPTS, Semantic, Sketch, Style, Text
-from frida_painter.lab.ladder import RUNGS, SIMILARITY, Ladder
-from frida_painter.lab.paintings import PLACEMENT, Painted, PaintingExperiment, StudioRun
-from frida_painter.lab.replanning import DEVIATION, Replanning
-from frida_painter.lab.sim2real import CONSTRAINED, OURS, UNCONSTRAINED, Sim2Real
-from frida_painter.lab.targets import (
+from frida_painter_lab import goals
+from frida_painter_lab.experiment import Outcome
+from frida_painter_lab.goals import PROMPTS, Semantic, Sketch, Style, Text
+from frida_painter_lab.ladder import RUNGS, SIMILARITY, Ladder
+from frida_painter_lab.paintings import PLACEMENT, Painted, PaintingExperiment, StudioRun
+from frida_painter_lab.replanning import DEVIATION, Replanning
+from frida_painter_lab.sim2real import CONSTRAINED, OURS, UNCONSTRAINED, Sim2Real
+from frida_painter_lab.targets import (
     DRAWINGS,
     PHOTOGRAPHS,
     SHIPPED,

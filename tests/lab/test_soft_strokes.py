@@ -5,7 +5,10 @@ import torch
 from frida_painter.brush.kinds import FINE
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.lab.soft_strokes import (
+from frida_painter.render import render as brush_render
+from frida_painter.strokes import Strokes
+from frida_painter_calibration.teaching.bezier import BezierStroke
+from frida_painter_lab.soft_strokes import (
     Freedom,
     MarkSizes,
     SoftEffort,
@@ -17,9 +20,6 @@ from frida_painter.lab.soft_strokes import (
     render,
     seen_colors,
 )
-from frida_painter.render import render as brush_render
-from frida_painter.strokes import Strokes
-from frida_painter.teaching.bezier import BezierStroke
 
 SIZE = CanvasSize(0.2, 0.1)
 BARE = torch.ones(3, 100, 200, dtype=torch.float64)

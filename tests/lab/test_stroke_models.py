@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from frida_painter.errors import LibraryError
-from frida_painter.lab import stroke_models
-from frida_painter.lab.stroke_models import (
+from frida_painter_lab import stroke_models
+from frida_painter_lab.stroke_models import (
     BEZIER,
     LEARNED,
     MEAN,

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
-from frida_painter.hardware.drivers.franka_kinematics import FrankaReach
-from frida_painter.hardware.drivers.rosbridge import RosbridgeConnection, RosRobot, RosSettings
-from frida_painter.hardware.drivers.so101 import So101Kinematics, So101Robot, So101Settings
-from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.robot import MotionReport, Waypoints
+from frida_painter_drivers.franka import FrankaRobot, FrankaSettings
+from frida_painter_drivers.franka_kinematics import FrankaReach
+from frida_painter_drivers.rosbridge import RosbridgeConnection, RosRobot, RosSettings
+from frida_painter_drivers.so101 import So101Kinematics, So101Robot, So101Settings
+from frida_painter_drivers.xarm import XarmRobot, XarmSettings
 from machines import franky_arm, sts_bus
 from machines.bench import FOUND, SerialBench
 from machines.rosbridge import Rosbridge
@@ -502,7 +502,7 @@ def so101_bus(
     clock: SimulatedTime, monkeypatch: pytest.MonkeyPatch, tip: np.ndarray, **bus: Any
 ) -> tuple[sts_bus.StsBus, Cable]:
     """Returns the bus of an SO-101 whose tip stands there, in simulated time, with the cable to it."""
-    for module in ("frida_painter.hardware.drivers.so101.time", "scservo_sdk.port_handler.time"):
+    for module in ("frida_painter_drivers.so101.time", "scservo_sdk.port_handler.time"):
         monkeypatch.setattr(module, clock)
     clock.reading, clock.interrupts_reads = 0.001, False  # a stop comes from another thread, between two questions
     joints = So101Kinematics(sts_bus.BRUSH).start(tip)

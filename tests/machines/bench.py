@@ -10,9 +10,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from frida_painter.hardware.drivers.gcode import GcodeRobot, GcodeSettings
 from frida_painter.hardware.gcode import Gcode, Servo
 from frida_painter.hardware.robot import Waypoints
+from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings
 from machines.grbl import GrblController, Kind
 from machines.marlin import Build, MarlinController
 from machines.simulated_time import Cable, Controller, SimulatedTime

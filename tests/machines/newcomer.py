@@ -25,8 +25,8 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.latch import Unlatched
 from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.workcell import WorkcellConfig
-from frida_painter.runs import machine_setup, setup_dialogue
-from frida_painter.runs.setup_dialogue import SetupEvent, SetupOrder, lead_setup
+from frida_painter_calibration import machine_setup, setup_dialogue
+from frida_painter_calibration.setup_dialogue import SetupEvent, SetupOrder, lead_setup
 from machines.simulated_time import SimulatedTime
 
 READING, PREPARING, PRESSING = 8.0, 30.0, 0.7  # seconds: of a question, of something at the machine, of a key

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from frida_painter.hardware.drivers.axidraw import AxidrawRobot, AxidrawSettings
 from frida_painter.hardware.gcode import Servo
+from frida_painter_drivers.axidraw import AxidrawRobot, AxidrawSettings
 from machines.bench import SerialBench
 from machines.ebb import BRUSHLESS, EbbController
 from machines.simulated_time import SimulatedTime

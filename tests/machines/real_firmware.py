@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from frida_painter.hardware.drivers.gcode import GcodeRobot, GcodeSettings
 from frida_painter.hardware.gcode import Gcode, Servo
+from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings
 from machines.bench import SerialBench
 from machines.simulated_time import Cable, SimulatedTime
 

@@ -241,7 +241,7 @@ def simulated_time(monkeypatch: pytest.MonkeyPatch) -> Any:
     clock = SimulatedTime()
     monkeypatch.setattr("serial.Serial", clock.port())
     for driver in ("gcode", "grbl", "marlin", "firmware", "driver", "serial_line", "ebb", "axidraw"):
-        monkeypatch.setattr(f"frida_painter.hardware.drivers.{driver}.time", clock)
+        monkeypatch.setattr(f"frida_painter_drivers.{driver}.time", clock)
     yield clock
     clock.end()
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter import images
-from frida_painter.lab import targets
 from frida_painter.objectives.attention import Face, faces, importance_of
+from frida_painter_lab import targets
 
 SHARE = st.floats(0, 1)
 

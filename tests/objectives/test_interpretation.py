@@ -9,7 +9,7 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import WeightedObjective, interpret_goal, prepare
 from frida_painter.objectives.objective import Goal, ObjectiveContext, ObjectiveTerm
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders
 from support.planning import CANVAS, picture
 

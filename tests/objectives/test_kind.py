@@ -17,9 +17,9 @@ from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Gives, GoalKind, KnownKinds, goal_kinds
 from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goal_item import GoalItem
-from frida_painter.web.studio_folder import GoalRequest
-from frida_painter.web.web_studio import abilities
-from frida_painter.words.text import TextTerm
+from frida_painter_studio.studio_folder import GoalRequest
+from frida_painter_studio.web_studio import abilities
+from frida_painter_words.text import TextTerm
 
 OURS = ["image", "semantic", "sketch", "text", "style"]
 Install = Callable[..., KnownKinds]

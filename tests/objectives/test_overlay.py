@@ -7,7 +7,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch_loss import draw_on_picture, overlaid
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders
 from support.planning import CANVAS, picture
 

@@ -7,7 +7,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style_loss import in_style_colors
 from frida_painter.palette import from_lab, to_lab
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 
 
 def scattered(mean: tuple[float, ...], spread: tuple[float, ...], seed: int = 0) -> torch.Tensor:

@@ -6,7 +6,7 @@ from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.text_loss import Sight, Text, holding_weight, wish
 from frida_painter.objectives.word_settings import ClipWork, WordSettings
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders, RandomReader
 from support.planning import CANVAS
 

@@ -22,11 +22,11 @@ from safetensors.torch import load_file, save_file
 
 from frida_painter import images
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
-from frida_painter.picture_makers import diffusion, pipeline_process
-from frida_painter.picture_makers.diffusion import DiffusionMaker
-from frida_painter.picture_makers.making import PictureRequest, make_pictures
-from frida_painter.picture_makers.pipeline_process import _require_picture
 from frida_painter.runs.spec import RunSpec
+from frida_painter_words.picture_makers import diffusion, pipeline_process
+from frida_painter_words.picture_makers.diffusion import DiffusionMaker
+from frida_painter_words.picture_makers.making import PictureRequest, make_pictures
+from frida_painter_words.picture_makers.pipeline_process import _require_picture
 from tiny_pipelines import write_flux, write_lookalike, write_pipeline, write_stable_diffusion_3
 
 

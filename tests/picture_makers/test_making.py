@@ -13,8 +13,14 @@ from torch import Tensor
 from frida_painter import images, registry, storage
 from frida_painter.cli.imagining import usual_maker
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError, WeightsError
-from frida_painter.picture_makers import making as picture_making
-from frida_painter.picture_makers.making import (
+from frida_painter.planning.problem import Region
+from frida_painter.runs.goal_item import making_facts, read_making
+from frida_painter.runs.goals import open_goal
+from frida_painter.runs.painting_folder import keep_goal, read_goal
+from frida_painter.runs.settle import open_planner
+from frida_painter.runs.spec import RunSpec
+from frida_painter_words.picture_makers import making as picture_making
+from frida_painter_words.picture_makers.making import (
     Making,
     PictureMakerKind,
     PictureRequest,
@@ -24,12 +30,6 @@ from frida_painter.picture_makers.making import (
     make_pictures,
     require_canvas_maker,
 )
-from frida_painter.planning.problem import Region
-from frida_painter.runs.goal_item import making_facts, read_making
-from frida_painter.runs.goals import open_goal
-from frida_painter.runs.painting_folder import keep_goal, read_goal
-from frida_painter.runs.settle import open_planner
-from frida_painter.runs.spec import RunSpec
 
 SPEC = RunSpec.of(goal=[{"text": "a lighthouse", "weight": 2.0}], canvas="12x9cm", seed=5)
 

@@ -19,9 +19,9 @@ from PIL import Image
 
 from frida_painter import transfer
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
-from frida_painter.picture_makers import service
-from frida_painter.picture_makers.making import STRENGTH, PictureRequest
-from frida_painter.picture_makers.service import ServiceMaker
+from frida_painter_words.picture_makers import service
+from frida_painter_words.picture_makers.making import STRENGTH, PictureRequest
+from frida_painter_words.picture_makers.service import ServiceMaker
 
 Answer = Callable[[BaseHTTPRequestHandler], None]
 

@@ -29,7 +29,7 @@ from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders, RandomReader, random_hed_tensors, random_lite_tensors, random_vgg_tensors
 from support.planning import CANVAS, goal, picture, plain, small_table
 from tiny_clip import resnet_tensors, write_clip

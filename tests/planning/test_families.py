@@ -11,7 +11,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.goals import make_goal
 from frida_painter.stroke_family import CODE_REACH
-from frida_painter.teaching.families import FamilyRibbon
+from frida_painter_calibration.teaching.families import FamilyRibbon
 from marks import coarse_table, ribbon, wave_family
 
 FAMILY = wave_family()

@@ -17,7 +17,7 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.planning.optimize import Step, interlace_rows, optimize, stacked_cost
 from frida_painter.planning.problem import PlanningProblem, Region, on_device
 from frida_painter.strokes import Strokes
-from frida_painter.teaching.bezier import BezierStroke
+from frida_painter_calibration.teaching.bezier import BezierStroke
 from support.planning import CANVAS, goal, problem, small_table, some_strokes
 
 PAPER = CanvasSize(0.3556, 0.2794)

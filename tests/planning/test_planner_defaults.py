@@ -24,7 +24,7 @@ from frida_painter.runs.goals import make_goal
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import make_planner, planner_settings, wanted_ground
 from frida_painter.runs.spec import RunSpec
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from marks import coarse_table
 from support.networks import QuickEncoders
 from support.planning import goal, picture, plain, small_table

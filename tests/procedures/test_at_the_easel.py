@@ -6,9 +6,9 @@ import pytest
 from frida_painter.easel.dialogue import lead
 from frida_painter.errors import StaleFrame, WorkspaceViolation
 from frida_painter.hardware.robot import ArmLength, Waypoints
-from frida_painter.procedures.paper import EaselAccess
-from frida_painter.procedures.robot import robot
-from frida_painter.procedures.strokes import strokes
+from frida_painter_calibration.procedures.paper import EaselAccess
+from frida_painter_calibration.procedures.robot import robot
+from frida_painter_calibration.procedures.strokes import strokes
 from papers import KIND, paper_studio, proposed
 from support.easel import NotingRobot, PatientCamera, stub_easel
 

@@ -8,9 +8,9 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Confirm, Jog, JogMove, Measure, lead
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.faults import Faults, LightChange, LostFocus
-from frida_painter.procedures.brush import ABOVE_FLOOR, brush
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter_calibration.procedures.brush import ABOVE_FLOOR, brush
 
 CANVAS = CanvasSize(0.20, 0.16)
 CAMERA = CameraSpec(photograph=(270, 360))

@@ -7,9 +7,9 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import PointCorners, lead
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
-from frida_painter.procedures.canvas import POINTING, canvas
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from frida_painter_calibration.procedures.canvas import POINTING, canvas
 from support.easel import CALIBRATION, stub_easel
 
 

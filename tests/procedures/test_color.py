@@ -12,11 +12,11 @@ from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.hardware.faults import Bump, Faults, LightChange, LostFocus
 from frida_painter.palette import difference
 from frida_painter.perception.color import EDITIONS
-from frida_painter.procedures.color import WORST_MEAN, color
-from frida_painter.procedures.robot import robot
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter_calibration.procedures.color import WORST_MEAN, color
+from frida_painter_calibration.procedures.robot import robot
 
 CANVAS = CanvasSize(0.28, 0.21)
 CAMERA = CameraSpec(photograph=(600, 800))

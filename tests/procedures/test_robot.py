@@ -12,11 +12,11 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import Bump, Faults, PlacementError
 from frida_painter.hardware.motion import Motion
 from frida_painter.perception.landmarks import match_dots
-from frida_painter.procedures.canvas import canvas
-from frida_painter.procedures.robot import RobotFinding, dot_places, robot
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from frida_painter_calibration.procedures.canvas import canvas
+from frida_painter_calibration.procedures.robot import RobotFinding, dot_places, robot
 
 SIZE = CanvasSize(0.24, 0.18)
 CAMERA = CameraSpec(photograph=(600, 800))

@@ -10,8 +10,8 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Confirm, lead
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, FridaError, RobotError
 from frida_painter.hardware.faults import Bump, Faults, LightChange, LostFocus
-from frida_painter.procedures.paper import Shapes
-from frida_painter.procedures.strokes import StrokesFinding, strokes, unfinished_folder
+from frida_painter_calibration.procedures.paper import Shapes
+from frida_painter_calibration.procedures.strokes import StrokesFinding, strokes, unfinished_folder
 from killing import ForkedProcess
 from papers import KIND, PLACES, dark_bar, paper_studio, proposed, spoiled
 

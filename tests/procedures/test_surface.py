@@ -12,7 +12,7 @@ from frida_painter.easel.dialogue import Confirm, Jog, JogMove, lead
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.procedures.surface import POINTS, read_surface, surface
+from frida_painter_calibration.procedures.surface import POINTS, read_surface, surface
 from support.easel import CALIBRATION, WORKSPACE
 
 SIZE = CanvasSize(0.3, 0.2)

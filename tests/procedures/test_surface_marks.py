@@ -18,7 +18,8 @@ from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter.procedures.surface_marks import (
+from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter_calibration.procedures.surface_marks import (
     MarkGrid,
     fit_heights,
     learn_surface,
@@ -26,7 +27,6 @@ from frida_painter.procedures.surface_marks import (
     paint_marks,
     read_marks,
 )
-from frida_painter.strokes import StrokeLimits, Strokes
 from support.easel import CALIBRATION, WORKSPACE
 
 SIZE = CanvasSize(0.24, 0.18)
@@ -180,7 +180,9 @@ def test_the_curve_is_learned_with_the_heights():
 
 def test_a_camera_looks_at_the_canvas(monkeypatch):
     asked = []
-    monkeypatch.setattr("frida_painter.procedures.surface_marks.rectify", lambda image, known, grid: asked.append(grid))
+    monkeypatch.setattr(
+        "frida_painter_calibration.procedures.surface_marks.rectify", lambda image, known, grid: asked.append(grid)
+    )
 
     class Access:
         def __init__(self, easel):
@@ -189,6 +191,6 @@ def test_a_camera_looks_at_the_canvas(monkeypatch):
         def photograph(self):
             return type("Frame", (), {"image": None})
 
-    monkeypatch.setattr("frida_painter.procedures.surface_marks.EaselAccess", Access)
+    monkeypatch.setattr("frida_painter_calibration.procedures.surface_marks.EaselAccess", Access)
     look_at_marks(easel(Table()))
     assert asked[0].rows == 720

@@ -9,7 +9,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.render import composite, painting, reference, render, scanline
 from frida_painter.strokes import Strokes
-from frida_painter.teaching.bezier import BezierStroke
+from frida_painter_calibration.teaching.bezier import BezierStroke
 
 SIZE = CanvasSize(0.3, 0.2)
 

@@ -5,7 +5,7 @@ import pytest
 
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration, LearnedFile
-from frida_painter.runs.calibrating import CalibrationSetup, record_to_renew
+from frida_painter_calibration.calibrating import CalibrationSetup, record_to_renew
 from support.easel import CALIBRATION, stub_easel
 
 BROAD, FINE = replace(CALIBRATION, brush="broad"), replace(CALIBRATION, brush="fine")

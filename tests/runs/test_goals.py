@@ -13,7 +13,7 @@ from frida_painter.runs.goal_item import name_of, read_prompt, title_of
 from frida_painter.runs.goals import make_goal, open_goal
 from frida_painter.runs.painting_folder import keep_goal, read_goal
 from frida_painter.runs.spec import RunSpec
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from support.planning import picture
 
 

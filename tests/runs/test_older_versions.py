@@ -17,9 +17,9 @@ from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec, upgrade_record
 from frida_painter.session.controls import Controls
 from frida_painter.virtual.simulation_log import SimulationLog
-from frida_painter.web.painting_state import PaintingState
-from frida_painter.web.state import FeedStates
-from frida_painter.web.studio_folder import Feed, PaintingFolder
+from frida_painter_studio.painting_state import PaintingState
+from frida_painter_studio.state import FeedStates
+from frida_painter_studio.studio_folder import Feed, PaintingFolder
 
 TRUE_PHOTOGRAPHS = True
 

@@ -14,7 +14,7 @@ from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Paused, StrokePainted
-from frida_painter.together.turns import PenStroke
+from frida_painter_together.turns import PenStroke
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "brush": "fine", "colors": 3}
 LENGTH = 0.03 * math.hypot(1, 0.5)

@@ -180,7 +180,7 @@ def test_a_studio_that_is_opened_again_goes_on_with_the_arm_as_it_was(tmp_path):
 def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     for name in ("body", "surroundings"):
-        monkeypatch.delitem(sys.modules, f"frida_painter.sawyer.{name}", raising=False)
+        monkeypatch.delitem(sys.modules, f"frida_painter_drivers.sawyer.{name}", raising=False)
     with pytest.raises(RobotError, match='extra "mujoco"'):
         sawyer()
 

@@ -7,12 +7,12 @@ import pytest
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.sawyer.arm_film import headless_opengl
+from frida_painter_drivers.sawyer.arm_film import headless_opengl
 from virtual.hand import Hand
 
 pytest.importorskip("mink")
-from frida_painter.sawyer.arm_film import ArmFilm, ArmView
-from frida_painter.sawyer.surroundings import CANVAS_PIXELS, Surroundings
+from frida_painter_drivers.sawyer.arm_film import ArmFilm, ArmView
+from frida_painter_drivers.sawyer.surroundings import CANVAS_PIXELS, Surroundings
 
 CANVAS = CanvasSize(0.2, 0.15)
 
@@ -85,7 +85,7 @@ def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp
 
 
 def test_without_opengl_the_film_is_missing_and_nothing_else(hand, tmp_path, monkeypatch):
-    monkeypatch.setattr("frida_painter.sawyer.arm_film.headless_opengl", lambda: None)
+    monkeypatch.setattr("frida_painter_drivers.sawyer.arm_film.headless_opengl", lambda: None)
     film = ArmFilm(tmp_path / "arm.mp4", Surroundings(hand.easel.workspace, CANVAS), hand.studio.table)
     hand.studio.robot.watcher = film
     film.open()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.sawyer.arm_film import Inset
+from frida_painter_drivers.sawyer.arm_film import Inset
 
 RED, BLUE, SCENE = (200, 20, 20), (20, 20, 200), 120
 

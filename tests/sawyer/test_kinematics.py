@@ -10,8 +10,8 @@ from frida_painter.virtual.bristles import find_brush
 from frida_painter.virtual.tabletop import sawyer_layout
 
 pytest.importorskip("mink")
-from frida_painter.sawyer.body import Kinematics
-from frida_painter.sawyer.surroundings import Surroundings
+from frida_painter_drivers.sawyer.body import Kinematics
+from frida_painter_drivers.sawyer.surroundings import Surroundings
 
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 LAYOUT = sawyer_layout(CANVAS, find_brush("broad"))

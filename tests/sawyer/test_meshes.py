@@ -5,9 +5,9 @@ import pytest
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.sawyer.surroundings import PARTS, Meshes
 from frida_painter.virtual.bristles import find_brush
 from frida_painter.virtual.tabletop import sawyer_layout
+from frida_painter_drivers.sawyer.surroundings import PARTS, Meshes
 
 CANVAS = CanvasSize(0.2, 0.15)
 CORNERS = [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)]
@@ -41,7 +41,7 @@ def folder(tmp_path):
 
 def model(folder):
     pytest.importorskip("mink")
-    from frida_painter.sawyer.surroundings import Surroundings
+    from frida_painter_drivers.sawyer.surroundings import Surroundings
 
     return Surroundings(sawyer_layout(CANVAS, find_brush("broad")).workspace, CANVAS, Meshes.in_folder(folder)).model()
 

@@ -7,9 +7,9 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import RobotError, WorkspaceViolation
 from frida_painter.hardware import gateway
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.sawyer.arm import SawyerReach
 from frida_painter.virtual.bristles import find_brush
 from frida_painter.virtual.tabletop import sawyer_layout
+from frida_painter_drivers.sawyer.arm import SawyerReach
 
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 WORKSPACE = sawyer_layout(CANVAS, find_brush("broad")).workspace
@@ -39,6 +39,6 @@ def test_what_it_does_not_reach_is_refused_with_the_whole_batch():
 def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     for name in ("body", "surroundings"):
-        monkeypatch.delitem(sys.modules, f"frida_painter.sawyer.{name}", raising=False)
+        monkeypatch.delitem(sys.modules, f"frida_painter_drivers.sawyer.{name}", raising=False)
     with pytest.raises(RobotError, match='extra "mujoco"'):
         SawyerReach(WORKSPACE, CANVAS).reachable(np.zeros((1, 3)))

@@ -6,7 +6,7 @@ import pytest
 
 from frida_painter import video
 from frida_painter.errors import StorageError
-from frida_painter.sawyer.arm_film import Reel
+from frida_painter_drivers.sawyer.arm_film import Reel
 
 ROWS, COLUMNS = 32, 48
 

@@ -16,10 +16,10 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import Faults, LightChange
 from frida_painter.perception.flatfield import bare_canvas, is_evenly, light_by_margin
 from frida_painter.plan import WHITE
-from frida_painter.procedures.canvas import canvas as canvas_procedure
 from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from frida_painter_calibration.procedures.canvas import canvas as canvas_procedure
 
 SIZE, ROWS = CanvasSize(0.20, 0.15), 150
 CAMERA = CameraSpec((600, 800))

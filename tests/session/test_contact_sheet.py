@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from frida_painter.brush.library import Flaw
-from frida_painter.procedures.strokes import MAX_SHOWN, contact_sheet
+from frida_painter_calibration.procedures.strokes import MAX_SHOWN, contact_sheet
 from marks import small_library
 
 

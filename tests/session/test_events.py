@@ -112,5 +112,5 @@ def test_a_journal_tells_the_history_of_its_painting() -> None:
 
 
 def test_the_language_is_read_without_torch() -> None:
-    code = "import frida_painter.session.events, frida_painter.web.commands, sys; sys.exit('torch' in sys.modules)"
+    code = "import frida_painter.session.events, frida_painter_studio.commands, sys; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

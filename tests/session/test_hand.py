@@ -14,12 +14,12 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
-from frida_painter.sawyer.arm import SAWYER
 from frida_painter.session.choreography import Choreography
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.hand import STROKES_PER_DIP, Hand, with_measured_dip
 from frida_painter.strokes import StrokeLimits
 from frida_painter.virtual.studio import StudioSettings, open_studio
+from frida_painter_drivers.sawyer.arm import SAWYER
 from marks import SMALL, small_library
 from support.easel import CALIBRATION, WORKSPACE, NotingRobot, PatientCamera, stub_easel
 from support.plans import SMALL_LIMITS, made_up_strokes, plan_of_paints

@@ -17,12 +17,12 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import PlacementError
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.procedures.canvas import canvas
-from frida_painter.procedures.robot import robot
 from frida_painter.session.hand import Hand
 from frida_painter.session.opening import on_record, planning_device
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.studio import VirtualStudio, open_studio
+from frida_painter_calibration.procedures.canvas import canvas
+from frida_painter_calibration.procedures.robot import robot
 from support.easel import CALIBRATION, CANVAS, stub_easel
 
 SIZE = CanvasSize(0.20, 0.15)

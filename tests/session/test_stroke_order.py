@@ -15,7 +15,7 @@ from frida_painter.render import render
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import Dipped
 from frida_painter.session.hand import put_in_order
-from frida_painter.teaching.bezier import BezierStroke, RibbonShape
+from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape
 from support.easel import CALIBRATION, WORKSPACE
 from support.plans import CANVAS, made_up_plan
 

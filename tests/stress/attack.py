@@ -29,7 +29,7 @@ from typing import Any
 from measure import Table, arguments, publish
 from stop import Studio, Worker, begun, press
 
-from frida_painter.web.store import PaintingStore
+from frida_painter_studio.store import PaintingStore
 
 Answer = tuple[int, dict[str, str], bytes]
 

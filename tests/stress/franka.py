@@ -28,7 +28,6 @@ from frida_painter.brush.kinds import stroke_path
 from frida_painter.calibration import Calibration
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import MotionFailed, RobotError, RobotStopped
-from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.preset import find_preset
@@ -36,6 +35,7 @@ from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.virtual.bristles import find_brush
+from frida_painter_drivers.franka import FrankaRobot, FrankaSettings
 from support import data
 
 sys.path.insert(0, str(Path(__file__).parents[1]))

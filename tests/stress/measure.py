@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from frida_painter.lab.experiment import ResultTable
+from frida_painter_lab.experiment import ResultTable
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from frida_painter.hardware.drivers.so101 import PLAY, So101Robot, So101Settings
 from frida_painter.virtual.bristles import find_brush
+from frida_painter_drivers.so101 import PLAY, So101Robot, So101Settings
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from machines.arm_bench import so101_bus

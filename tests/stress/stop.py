@@ -42,9 +42,9 @@ from measure import Table, arguments, publish
 from PIL import Image
 
 from frida_painter.session.events import PlanRequested
-from frida_painter.web.stop import HEARD, STOP, WORK, call
-from frida_painter.web.store import Entry, PaintingStore
-from frida_painter.web.studio_folder import Feed, PaintingRequest, WorkerLock
+from frida_painter_studio.stop import HEARD, STOP, WORK, call
+from frida_painter_studio.store import Entry, PaintingStore
+from frida_painter_studio.studio_folder import Feed, PaintingRequest, WorkerLock
 
 FILES = 1024
 HALF_OPEN, STREAMS, RATE, ZIPS, READS, PICTURES = 1300, 20, 28, 80, 120, 16

@@ -30,11 +30,11 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis.errors import Unsatisfiable
 from schemathesis import GenerationMode
 
-from frida_painter.web.security import Presence
-from frida_painter.web.server import application
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.web_app_easel import WebAppEasel
-from frida_painter.web.web_studio import Studio
+from frida_painter_studio.security import Presence
+from frida_painter_studio.server import application
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_studio.web_studio import Studio
 
 Request = tuple[str, str, dict[str, str], bytes]
 """Method, path, headers, body."""

@@ -21,7 +21,6 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.procedures.color import color
 from frida_painter.session.events import Event, Planned
 from frida_painter.session.hand import Hand
 from frida_painter.session.loop import PaintingSession
@@ -29,6 +28,7 @@ from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
+from frida_painter_calibration.procedures.color import color
 from support import data
 from support.planning import plain
 

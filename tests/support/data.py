@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-_TARGETS = Path(__file__).parents[2] / "src/frida_painter/lab/targets"
+_TARGETS = Path(__file__).parents[2] / "src/frida_painter_lab/targets"
 
 
 def coffee() -> NDArray[np.uint8]:

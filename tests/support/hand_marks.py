@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.teaching.marks import TaughtMark
+from frida_painter_calibration.teaching.marks import TaughtMark
 
 FAMILIES = ("comma", "zigzag", "flourish")
 _POINTS = 160

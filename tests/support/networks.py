@@ -17,8 +17,8 @@ from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.objectives.encoders.vgg import Hed, Vgg16
-from frida_painter.words.libraries import PictureArchive
-from frida_painter.words.retrieval import PictureIndex
+from frida_painter_words.libraries import PictureArchive
+from frida_painter_words.retrieval import PictureIndex
 
 Kept = TypeVar("Kept")
 

@@ -10,8 +10,8 @@ from playwright.sync_api import Page
 
 from browsing import OpenStudio
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_folder import WorkerLock
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.studio_folder import WorkerLock
 
 PICTURES = {"a" * 32: (200, 90, 40), "b" * 32: (40, 90, 200)}
 REQUEST = {

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.teaching.bezier import BezierStroke, RibbonShape, fit_bezier
+from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape, fit_bezier
 from marks import SMALL, ribbon, shapes, small_frame, small_library
 
 

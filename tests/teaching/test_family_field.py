@@ -13,7 +13,7 @@ from frida_painter.render import reference
 from frida_painter.render.painting import marks_of, render
 from frida_painter.stroke_family import Taught
 from frida_painter.strokes import Strokes
-from frida_painter.teaching.families import FamilyField, FamilyRibbon, TracedPaths
+from frida_painter_calibration.teaching.families import FamilyField, FamilyRibbon, TracedPaths
 from marks import wave_family
 
 FAMILY = wave_family()

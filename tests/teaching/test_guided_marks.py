@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import FamilyError
-from frida_painter.teaching.marks import MarkCutter, read_marks
+from frida_painter_calibration.teaching.marks import MarkCutter, read_marks
 
 PRESS = 0.005
 

@@ -8,8 +8,8 @@ from frida_painter.brush import DEFAULT_MODEL, MODELS
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.library import Flaw
 from frida_painter.errors import ConfigError, LibraryError
-from frida_painter.teaching.evaluation import OTHER_BRUSH, geometry, learn
-from frida_painter.teaching.param2stroke import Param2Stroke
+from frida_painter_calibration.teaching.evaluation import OTHER_BRUSH, geometry, learn
+from frida_painter_calibration.teaching.param2stroke import Param2Stroke
 from marks import SMALL, small_library
 
 

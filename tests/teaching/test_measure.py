@@ -7,9 +7,9 @@ import torch
 from frida_painter.brush import DEFAULT_MODEL
 from frida_painter.errors import LibraryError
 from frida_painter.strokes import StrokeLimits
-from frida_painter.teaching import evaluation
-from frida_painter.teaching.bezier import BezierStroke, RibbonShape
-from frida_painter.teaching.evaluation import cross_validate, errors, evaluate, learn
+from frida_painter_calibration.teaching import evaluation
+from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape
+from frida_painter_calibration.teaching.evaluation import cross_validate, errors, evaluate, learn
 from marks import SMALL, ribbon, small_frame, small_library
 
 

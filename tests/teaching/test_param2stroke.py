@@ -9,7 +9,7 @@ from frida_painter import tensor_file
 from frida_painter.brush.kinds import KINDS
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import WeightsError
-from frida_painter.teaching.param2stroke import Param2Stroke
+from frida_painter_calibration.teaching.param2stroke import Param2Stroke
 from marks import SMALL, shapes, small_frame
 
 

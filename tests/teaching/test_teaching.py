@@ -10,7 +10,7 @@ import torch
 from frida_painter.brush.kinds import FINE
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import FamilyError, WeightsError
-from frida_painter.teaching.families import (
+from frida_painter_calibration.teaching.families import (
     FamilyField,
     FamilyRibbon,
     load_family,
@@ -18,7 +18,7 @@ from frida_painter.teaching.families import (
     read_family,
     write_family,
 )
-from frida_painter.teaching.marks import TaughtMark, align_marks, held_out_error, learn_family, read_marks
+from frida_painter_calibration.teaching.marks import TaughtMark, align_marks, held_out_error, learn_family, read_marks
 from support.hand_marks import FAMILIES, make_marks
 
 LINE = {"x": [0, 5, 10, 20], "y": [0, 1, 0, 2], "pressure": [0.2, 0.8, 0.8, 0.2]}

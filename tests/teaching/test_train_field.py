@@ -3,7 +3,7 @@ import torch
 
 from frida_painter.brush.field import StrokeField
 from frida_painter.errors import LibraryError
-from frida_painter.teaching.training import train_field
+from frida_painter_calibration.teaching.training import train_field
 from marks import SMALL, small_frame, small_library
 
 

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from frida_painter.errors import LibraryError
-from frida_painter.teaching.param2stroke import Param2Stroke, train_param2stroke
+from frida_painter_calibration.teaching.param2stroke import Param2Stroke, train_param2stroke
 from marks import SMALL, small_frame, small_library
 
 

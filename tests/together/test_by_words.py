@@ -16,8 +16,8 @@ from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import EventLog
 from frida_painter.session.events import Event, Paused, StrokePainted
 from frida_painter.session.journal import History, Journal
-from frida_painter.together import proposing
-from frida_painter.together.proposing import Proposer
+from frida_painter_together import proposing
+from frida_painter_together.proposing import Proposer
 from support.planning import picture
 from support.session import SessionSetup
 

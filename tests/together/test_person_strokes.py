@@ -25,8 +25,8 @@ from frida_painter.session.journal import History, Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.person_events import PersonStrokePainted
 from frida_painter.session.progress import ResumeState
-from frida_painter.together.policies import TurnTaken, find_turn_policy
-from frida_painter.together.turns import PenStroke, thin
+from frida_painter_together.policies import TurnTaken, find_turn_policy
+from frida_painter_together.turns import PenStroke, thin
 from killing import kill_when
 from support.virtual_painting import RESTS_ON, STROKES, VirtualPainting
 

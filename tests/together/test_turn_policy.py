@@ -16,7 +16,7 @@ from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import find_painted
 from frida_painter.plan import Plan
 from frida_painter.strokes import StrokeLimits, Strokes
-from frida_painter.together.policies import TurnTaken, answer_turn, find_turn_policy, take_turn, touches, trace_strokes
+from frida_painter_together.policies import TurnTaken, answer_turn, find_turn_policy, take_turn, touches, trace_strokes
 
 SIZE = CanvasSize(0.12, 0.09)
 ROWS, COLUMNS = 90, 120

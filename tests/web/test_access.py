@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
-from frida_painter import web
-from frida_painter.web import security
-from frida_painter.web.commands import Role
-from frida_painter.web.security import Keys
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.workers import WorkerSlot
+import frida_painter_studio as web
+from frida_painter_studio import security
+from frida_painter_studio.commands import Role
+from frida_painter_studio.security import Keys
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.workers import WorkerSlot
 from support.studio import HOST, ORIGIN, Studio, order
 
 ROUTES = [

@@ -16,16 +16,17 @@ import pytest
 from fastapi.testclient import TestClient
 from PIL import Image
 
-from frida_painter import registry, web
+import frida_painter_studio as web
+from frida_painter import registry
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
 from frida_painter.session.events import PaintingKept, Stopped, TakenUp
-from frida_painter.web.commands import Role
-from frida_painter.web.routes import SentFile, zip_folder
-from frida_painter.web.store import Entry
-from frida_painter.web.studio_folder import Feed, WorkerLock
-from frida_painter.web.web_app_easel import WebAppEasel
-from frida_painter.web.workers import PaintingQueue, Workers, WorkerSlot
+from frida_painter_studio.commands import Role
+from frida_painter_studio.routes import SentFile, zip_folder
+from frida_painter_studio.store import Entry
+from frida_painter_studio.studio_folder import Feed, WorkerLock
+from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_studio.workers import PaintingQueue, Workers, WorkerSlot
 from plugins import install
 from support.studio import Studio, Visitor
 

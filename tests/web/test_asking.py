@@ -9,12 +9,12 @@ import torch
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, PointCorners, Question
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.session.events import Answered, Asked
-from frida_painter.web import commands, painter
-from frida_painter.web.commands import LEAD_GOOD_FOR, Inbox, Reply, tell_worker
-from frida_painter.web.painter import MAX_ABSENCE, Asker, describe_question
-from frida_painter.web.stop import StopPressed, StopWatch
-from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
-from frida_painter.web.web_studio import Followed
+from frida_painter_studio import commands, painter
+from frida_painter_studio.commands import LEAD_GOOD_FOR, Inbox, Reply, tell_worker
+from frida_painter_studio.painter import MAX_ABSENCE, Asker, describe_question
+from frida_painter_studio.stop import StopPressed, StopWatch
+from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
+from frida_painter_studio.web_studio import Followed
 
 PICTURE = torch.zeros(3, 20, 30)
 CORNERS = ((1.25, 1.0), (25.0, 1.0), (25.0, 15.0), (1.0, 15.0))

@@ -13,7 +13,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from frida_painter.errors import ConfigError
-from frida_painter.web.network import Certificate
+from frida_painter_studio.network import Certificate
 from served import end_listener, open_studio
 
 

@@ -6,8 +6,8 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.web import commands
-from frida_painter.web.commands import (
+from frida_painter_studio import commands
+from frida_painter_studio.commands import (
     END_MAKING,
     FINISH,
     FREE,
@@ -28,7 +28,7 @@ from frida_painter.web.commands import (
     TakeTurns,
     tell_worker,
 )
-from frida_painter.web.studio_folder import PaintingFolder, PaintingRequest
+from frida_painter_studio.studio_folder import PaintingFolder, PaintingRequest
 
 
 def heard(inbox: Inbox) -> list[Command | None]:

@@ -1,7 +1,7 @@
 from pathlib import Path
 
 from frida_painter.brush.weights import load_stroke_model
-from frida_painter.web.telling import export
+from frida_painter_studio.telling import export
 from support.plans import in_layers, made_up_plan
 
 

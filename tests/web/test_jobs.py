@@ -10,12 +10,12 @@ import pytest
 
 from frida_painter import calibration
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.runs.machine_setup import STEPS
 from frida_painter.session import events
 from frida_painter.session.making_events import MakingStarted
 from frida_painter.session.setup_events import SetupLeft, SetupStarted, SetupStepBegan
-from frida_painter.web.commands import Role
-from frida_painter.web.jobs import (
+from frida_painter_calibration.machine_setup import STEPS
+from frida_painter_studio.commands import Role
+from frida_painter_studio.jobs import (
     JOBS,
     PROCEDURES,
     SETUP_STEPS,
@@ -27,10 +27,10 @@ from frida_painter.web.jobs import (
     SetupRequest,
     Teaching,
 )
-from frida_painter.web.painting_state import Truth
-from frida_painter.web.studio_folder import Feed, WorkerLock
-from frida_painter.web.web_app_easel import WebAppEasel
-from frida_painter.web.workers import WorkerSlot
+from frida_painter_studio.painting_state import Truth
+from frida_painter_studio.studio_folder import Feed, WorkerLock
+from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_studio.workers import WorkerSlot
 from machines.grbl import router
 from machines.simulated_time import Living
 from support.studio import Studio, order

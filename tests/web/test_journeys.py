@@ -32,9 +32,9 @@ from browsing import (
 from frida_painter import images
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.workcell import WorkcellConfig
-from frida_painter.teaching.families import load_family
-from frida_painter.web.commands import PAUSE, ROBOT_MOVES, Inbox, Protect, Simple, TakeTurns
-from frida_painter.web.studio_folder import PaintingFolder
+from frida_painter_calibration.teaching.families import load_family
+from frida_painter_studio.commands import PAUSE, ROBOT_MOVES, Inbox, Protect, Simple, TakeTurns
+from frida_painter_studio.studio_folder import PaintingFolder
 from machines.grbl import router
 from machines.simulated_time import Living
 from support.boat import BOAT

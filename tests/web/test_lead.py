@@ -4,8 +4,8 @@ import time
 import pytest
 
 from frida_painter.errors import Interrupted
-from frida_painter.web import security as lead_module
-from frida_painter.web.security import Lead, Led
+from frida_painter_studio import security as lead_module
+from frida_painter_studio.security import Lead, Led
 
 NONCE = "0123456789abcdef"
 

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from frida_painter.web import network
-from frida_painter.web.commands import Role
-from frida_painter.web.network import MAX_BODY, MAX_UPLOAD, Bucket, Limits
-from frida_painter.web.security import Session
+from frida_painter_studio import network
+from frida_painter_studio.commands import Role
+from frida_painter_studio.network import MAX_BODY, MAX_UPLOAD, Bucket, Limits
+from frida_painter_studio.security import Session
 from support.studio import Studio
 
 

@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.web.pace import find_pace
-from frida_painter.web.painting_state import PaintingState
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_folder import FeedReader
+from frida_painter_studio.pace import find_pace
+from frida_painter_studio.painting_state import PaintingState
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.studio_folder import FeedReader
 
 MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}
 PLANNED: list[dict[str, Any]] = [

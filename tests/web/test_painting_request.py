@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
-from frida_painter.web.studio_folder import GoalRequest, PaintingRequest
+from frida_painter_studio.studio_folder import GoalRequest, PaintingRequest
 
 PICTURE = "0" * 32
 

@@ -24,7 +24,7 @@ from frida_painter.session import events, making_events, person_events, resuming
 from frida_painter.session.events import Event, PauseCause, Written, kind_of
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import ResumeState
-from frida_painter.web.commands import (
+from frida_painter_studio.commands import (
     END_MAKING,
     FINISH,
     FREE,
@@ -40,10 +40,10 @@ from frida_painter.web.commands import (
     TakeTurns,
     tell_worker,
 )
-from frida_painter.web.painter import PauseController
-from frida_painter.web.picture_choosing import AllowedMakers, MakingOrder
-from frida_painter.web.stop import StopPressed, StopWatch
-from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest
+from frida_painter_studio.painter import PauseController
+from frida_painter_studio.picture_choosing import AllowedMakers, MakingOrder
+from frida_painter_studio.stop import StopPressed, StopWatch
+from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest
 from killing import kill_when
 from support.boat import BOAT
 from support.planning import CANVAS, goal, picture, plain, small_table

@@ -16,16 +16,16 @@ import pytest
 
 from frida_painter import python_process
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.picture_makers import making as picture_making
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.spec import RunSpec
-from frida_painter.web import reader, studio_command, studio_folder
-from frida_painter.web.commands import Role
-from frida_painter.web.imaginer import imagine
-from frida_painter.web.picture_choosing import AllowedMakers, label_of, plain_fact
-from frida_painter.web.stop import StopPressed
-from frida_painter.web.studio_folder import Feed, PaintingRequest
-from frida_painter.web.workers import WorkerSlot
+from frida_painter_studio import reader, studio_command, studio_folder
+from frida_painter_studio.commands import Role
+from frida_painter_studio.imaginer import imagine
+from frida_painter_studio.picture_choosing import AllowedMakers, label_of, plain_fact
+from frida_painter_studio.stop import StopPressed
+from frida_painter_studio.studio_folder import Feed, PaintingRequest
+from frida_painter_studio.workers import WorkerSlot
+from frida_painter_words.picture_makers import making as picture_making
 from support.studio import Studio, Visitor
 
 PAINTER = """

@@ -6,10 +6,10 @@ import pytest
 
 from frida_painter.errors import RobotStopped
 from frida_painter.hardware.latch import Latch, latch_path
-from frida_painter.web import security as presence_module
-from frida_painter.web.security import Presence
-from frida_painter.web.studio_folder import PaintingFolder
-from frida_painter.web.web_app_easel import WebAppEasel
+from frida_painter_studio import security as presence_module
+from frida_painter_studio.security import Presence
+from frida_painter_studio.studio_folder import PaintingFolder
+from frida_painter_studio.web_app_easel import WebAppEasel
 
 
 @pytest.fixture

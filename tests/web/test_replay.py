@@ -15,12 +15,12 @@ from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.session.resuming import load_kept_plan
 from frida_painter.session.time_left import RemainingTime
-from frida_painter.web.commands import GO_ON, LOOK, tell_worker
-from frida_painter.web.painter import PauseController
-from frida_painter.web.painting_state import PaintingState, Truth
-from frida_painter.web.stop import StopWatch
-from frida_painter.web.studio_folder import Feed, FeedReader, PaintingFolder
-from frida_painter.web.telling import Reporter
+from frida_painter_studio.commands import GO_ON, LOOK, tell_worker
+from frida_painter_studio.painter import PauseController
+from frida_painter_studio.painting_state import PaintingState, Truth
+from frida_painter_studio.stop import StopWatch
+from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
+from frida_painter_studio.telling import Reporter
 from support.easel import PatientCamera
 from support.planning import CANVAS, goal, plain, small_table
 from support.session import SessionSetup

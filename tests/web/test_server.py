@@ -13,7 +13,7 @@ import pytest
 
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
-from frida_painter.web.server import hosts, listen
+from frida_painter_studio.server import hosts, listen
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ PAGE = """
 import io, sys
 from pathlib import Path
 from PIL import Image
-import frida_painter.web.server  # what the command opens the page with
+import frida_painter_studio.server  # what the command opens the page with
 from frida_painter.cli import commands as cli
 from support.studio import Studio
 
@@ -109,10 +109,10 @@ def test_the_process_of_the_page_holds_neither_robot_nor_accelerator(tmp_path: P
         capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": path},
     )  # fmt: skip
     loaded = set(said.stdout.split())
-    assert "frida_painter.web.server" in loaded
+    assert "frida_painter_studio.server" in loaded
     heavy = {"torch", "safetensors", "numba", "cv2", "scipy", "h5py", "transformers", "mujoco"}
     assert not loaded & heavy
-    drivers = {name for name in loaded if name.startswith(("frida_painter.hardware.drivers", "frida_painter.virtual"))}
+    drivers = {name for name in loaded if name.startswith(("frida_painter_drivers", "frida_painter.virtual"))}
     assert not drivers and "frida_painter.easel.open" not in loaded
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.session.events import TouchCorrected, Written, events_of
-from frida_painter.web.painting_state import PaintingState, Stage, Truth, tell_status
+from frida_painter_studio.painting_state import PaintingState, Stage, Truth, tell_status
 
 AT_WORK, AT_REST = Truth(working=True), Truth(working=False)
 

@@ -17,10 +17,10 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from frida_painter.web.commands import Role
-from frida_painter.web.stop import StopKey, StopWatch
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_folder import PaintingFolder
+from frida_painter_studio.commands import Role
+from frida_painter_studio.stop import StopKey, StopWatch
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.studio_folder import PaintingFolder
 from served import PATIENCE, Served, Work, end_listener, open_studio
 
 
@@ -171,7 +171,7 @@ def test_a_listener_that_was_killed_is_started_again_on_its_port(studio: Served,
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
             words = path.read_bytes().split(b"\0")
-            if b"frida_painter.web.stop_listener" in words and str(studio.folder).encode() in words:
+            if b"frida_painter_studio.stop_listener" in words and str(studio.folder).encode() in words:
                 os.kill(int(path.parent.name), signal.SIGKILL)
     deadline = time.monotonic() + 20
     while True:

@@ -15,8 +15,8 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, chromium, deadline
 from frida_painter.session.events import Failed, PlanRequested
-from frida_painter.web.store import PaintingStore
-from frida_painter.web.studio_folder import Feed, PaintingRequest
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.studio_folder import Feed, PaintingRequest
 from served import Served, Work, end_listener, open_studio
 
 pytestmark = WITH_CHROMIUM

@@ -14,8 +14,8 @@ from typing import Any
 import pytest
 
 from frida_painter import python_process
-from frida_painter.web import network
-from frida_painter.web.workers import WorkerSlot
+from frida_painter_studio import network
+from frida_painter_studio.workers import WorkerSlot
 from support.programs import load_program
 from support.studio import Studio, Visitor, order
 
@@ -59,7 +59,7 @@ class Guard:
             return file.startswith("<") and not file.startswith("<frozen")
         if event == "compile":
             return str(what[1]).startswith("<")
-        if event == "subprocess.Popen" and what[1] == python_process.command("-m", "frida_painter.web.decoder"):
+        if event == "subprocess.Popen" and what[1] == python_process.command("-m", "frida_painter_studio.decoder"):
             return False  # every picture is decoded in a process of its own
         if event == "socket.connect" and isinstance(what[1], str):
             return not what[1].endswith("/the-store/.stop")  # the listener for stops

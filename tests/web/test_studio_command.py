@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from frida_painter.cli import commands
-from frida_painter.web import server
-from frida_painter.web.commands import Role
+from frida_painter_studio import server
+from frida_painter_studio.commands import Role
 
 
 @pytest.fixture

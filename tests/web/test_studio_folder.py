@@ -3,7 +3,7 @@ import sys
 import threading
 from pathlib import Path
 
-from frida_painter.web.studio_folder import PaintingFolder, WorkerLock, working
+from frida_painter_studio.studio_folder import PaintingFolder, WorkerLock, working
 
 
 def test_a_painting_that_nobody_works_on_is_free(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
 from browsing import WITH_CHROMIUM, OpenStudio, chromium, complaints, deadline, opened_studio
 from frida_painter.report.painters import Painters
-from frida_painter.web.painting_state import Stage
+from frida_painter_studio.painting_state import Stage
 from support.told import FINISHED, PAINTED, PAUSED, PERSON, PICTURES, PLANNED, PROTECTED, REQUEST, Told
 
 pytestmark = [WITH_CHROMIUM, pytest.mark.timeout(560)]

@@ -6,11 +6,11 @@ from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.workcell import example
 from frida_painter.runs.painting_easel import order
-from frida_painter.web.painter import Asker
-from frida_painter.web.stop import StopWatch
-from frida_painter.web.studio_folder import Feed, PaintingFolder, PaintingRequest
-from frida_painter.web.web_app_easel import WebAppEasel
-from frida_painter.web.worker import Job
+from frida_painter_studio.painter import Asker
+from frida_painter_studio.stop import StopWatch
+from frida_painter_studio.studio_folder import Feed, PaintingFolder, PaintingRequest
+from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_studio.worker import Job
 
 
 @pytest.mark.parametrize(

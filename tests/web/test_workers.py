@@ -11,10 +11,10 @@ import pytest
 from frida_painter import registry
 from frida_painter.errors import Interrupted
 from frida_painter.session.events import Failed
-from frida_painter.web import worker_process
-from frida_painter.web.studio_folder import FeedReader, PaintingFolder, working
-from frida_painter.web.web_app_easel import WebAppEasel
-from frida_painter.web.workers import Workers
+from frida_painter_studio import worker_process
+from frida_painter_studio.studio_folder import FeedReader, PaintingFolder, working
+from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_studio.workers import Workers
 from plugins import install
 
 ENDING = """#!{python} -I
@@ -90,7 +90,7 @@ def test_the_page_is_told_whose_part_failed(
     module = "def fail(*order):\n    raise ValueError('no goal')\n"
     install(tmp_path, monkeypatch, "sad-parts", {registry.OBJECTIVES: {"sad": "sad_goal:fail"}}, {"sad_goal": module})
     failing = fail if whose == "ours" else EntryPoint("sad", "sad_goal:fail", "").load()
-    monkeypatch.setattr("frida_painter.web.worker.work", failing)
+    monkeypatch.setattr("frida_painter_studio.worker.work", failing)
     folder = PaintingFolder(tmp_path / "painting")
     folder.path.mkdir()
     lock = os.open(tmp_path, os.O_RDONLY)

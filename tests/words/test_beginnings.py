@@ -17,7 +17,7 @@ from frida_painter.objectives.word_settings import Beginning, ClipWork, WordSett
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from tiny_clip import write_clip
 
 GRID = PixelGrid(CanvasSize.parse("12x9cm"), 24, 32)
@@ -113,7 +113,7 @@ class TestSettings:
             seen.append(budget.first_steps)
             return torch.zeros(3, *size)
 
-        monkeypatch.setattr("frida_painter.words.beginnings.color_in", color_in)
+        monkeypatch.setattr("frida_painter_words.beginnings.color_in", color_in)
         for effort in (0.05, 20):
             settings = WordSettings("colors", effort=effort)
             TextTerm.interpret(Goal((TextTerm("a fox", settings=settings),)), ObjectiveContext(GRID, alone, 0))

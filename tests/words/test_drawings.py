@@ -14,8 +14,8 @@ import torch
 from PIL import Image
 
 from frida_painter.errors import ImageError
-from frida_painter.words import svg_process
-from frida_painter.words.libraries import read_picture
+from frida_painter_words import svg_process
+from frida_painter_words.libraries import read_picture
 
 SQUARE = '<rect x="10" y="10" width="20" height="20" fill="#ff0000"/>'
 

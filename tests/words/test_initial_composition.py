@@ -12,8 +12,8 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
 from frida_painter.objectives.word_settings import WordSettings
-from frida_painter.words.beginnings import initial_composition
-from frida_painter.words.text import TextTerm
+from frida_painter_words.beginnings import initial_composition
+from frida_painter_words.text import TextTerm
 from support.networks import NoEncoderRegistry, QuickEncoders, index_of
 from support.planning import CANVAS, picture
 
@@ -23,7 +23,7 @@ WORDS = TextTerm("a strawberry", 2.0)
 
 @pytest.fixture
 def encoders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> QuickEncoders:
-    monkeypatch.setattr("frida_painter.words.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
+    monkeypatch.setattr("frida_painter_words.retrieval._FILLED", 2.0)  # these pictograms fill their boxes
     quick = QuickEncoders()
     quick.own["picture index"] = index_of(tmp_path)
     return quick

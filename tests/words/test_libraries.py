@@ -11,7 +11,7 @@ from PIL import Image, ImageColor
 
 from frida_painter import weights
 from frida_painter.errors import ConfigError, ImageError, PluginError, WeightsError
-from frida_painter.words.libraries import SHIPPED, PictureArchive, PictureFolder, libraries_at_hand
+from frida_painter_words.libraries import SHIPPED, PictureArchive, PictureFolder, libraries_at_hand
 from plugins import install
 from small_libraries import DISC, MAKERS
 from tiny_weights import original
@@ -45,7 +45,7 @@ def test_a_folder_without_pictures_or_with_too_many_is_refused(tmp_path: Path, m
         PictureFolder(tmp_path / "missing")
     with pytest.raises(ConfigError, match="holds no picture with a name"):
         PictureFolder(tmp_path).captions()
-    monkeypatch.setattr("frida_painter.words.libraries._MAX_FILES", 2)
+    monkeypatch.setattr("frida_painter_words.libraries._MAX_FILES", 2)
     for name in ("fox a.png", "fox b.png", "below/fox c.png"):
         painted(tmp_path / name)
     with pytest.raises(ConfigError, match="holds more than 2 pictures"):
@@ -83,7 +83,7 @@ def test_what_is_at_hand_begins_with_the_own_pictures(tmp_path: Path, monkeypatc
     assert [one.name for one in libraries_at_hand(tmp_path / "cache")] == [SHIPPED]
     assert [one.name for one in libraries_at_hand(tmp_path / "cache", tmp_path / "own")] == ["your pictures", SHIPPED]
     module = f"""from pathlib import Path
-from frida_painter.words.libraries import PictureFolder
+from frida_painter_words.libraries import PictureFolder
 def mine(): return PictureFolder(Path({str(tmp_path / "own")!r}))
 """
     group = "frida_painter.picture_libraries"

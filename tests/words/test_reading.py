@@ -3,8 +3,8 @@
 import pytest
 
 from frida_painter.errors import ConfigError
-from frida_painter.words.reading import LONGEST, contents, read, singular, stem
-from frida_painter.words.text import TextTerm
+from frida_painter_words.reading import LONGEST, contents, read, singular, stem
+from frida_painter_words.text import TextTerm
 
 NOUNS = "fox cat dog man child boat robot violin street cup coffee orange horse tulip elephant dancing".split()  # noqa: SIM905
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from frida_painter.words.libraries import SHIPPED, PictureArchive, PictureFolder
-from frida_painter.words.reading import read
-from frida_painter.words.retrieval import FoundPicture, PictureIndex
+from frida_painter_words.libraries import SHIPPED, PictureArchive, PictureFolder
+from frida_painter_words.reading import read
+from frida_painter_words.retrieval import FoundPicture, PictureIndex
 from support.networks import WordBag
 
 DRAWN = {

@@ -6,9 +6,9 @@ import pytest
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.words.libraries import SHIPPED, PictureArchive
-from frida_painter.words.retrieval import PictureIndex
-from frida_painter.words.scene import find_cutout, scene_of
+from frida_painter_words.libraries import SHIPPED, PictureArchive
+from frida_painter_words.retrieval import PictureIndex
+from frida_painter_words.scene import find_cutout, scene_of
 from support.networks import QuickEncoders, WordBag
 from words.test_retrieval import DRAWN, FOUND, archive
 

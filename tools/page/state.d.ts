@@ -40,7 +40,7 @@ interface House {
   active(working: boolean): void;
   refresh(): Promise<void>;
   entered(element: HTMLElement): void;
-  readonly work: import("../../src/frida_painter/web/static/queue.js").WorkWatch;
+  readonly work: import("../../src/frida_painter_studio/static/queue.js").WorkWatch;
   readonly abilities: Record<string, Ability>;
   readonly role: "watch" | "plan" | "operate";
   readonly simulated: boolean;
@@ -57,6 +57,6 @@ interface House {
   readonly makers: string[];
   /** Names of the ways in which the robot can answer a person's turn. */
   readonly turns: string[];
-  readonly pace: import("../../src/frida_painter/web/static/estimate.js").Pace;
+  readonly pace: import("../../src/frida_painter_studio/static/estimate.js").Pace;
 }
 interface Here { readonly id: string; readonly title: string; readonly begun: string; go(step: string): void }

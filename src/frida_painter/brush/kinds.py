@@ -277,7 +277,7 @@ class BrushModel:
         return self.kind.name
 
 
-_READ_FAMILY = registry.Later("frida_painter.teaching.families:read_family")
+_READ_FAMILY = registry.Later("frida_painter_calibration.teaching.families:read_family")
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,7 @@ _DAMAGED = (
 )
 
 
-_CUT_STROKES = Later("frida_painter.teaching.photographs:cut_strokes")
+_CUT_STROKES = Later("frida_painter_calibration.teaching.photographs:cut_strokes")
 
 
 @dataclass(frozen=True)

@@ -464,7 +464,7 @@ def cached_table(model: StrokeModel, detail: TableDetail | None = None, folder: 
 
 def _is_ours(model: nn.Module) -> bool:
     """Returns True if the model belongs to this project, so that its weights and `VERSION` determine its result."""
-    return type(model).__module__.startswith("frida_painter.")
+    return type(model).__module__.startswith(("frida_painter.", "frida_painter_calibration."))
 
 
 def _identity(model: StrokeModel, detail: TableDetail, samples: Tensor | None) -> str:

@@ -89,25 +89,29 @@ COMMANDS = (
     Deferred("export", f"{_CLI}.plans", "Export the strokes of a plan as SVG, G-code or CSV, in millimetres."),
     Deferred(
         "setup",
-        f"{_CLI}.setup",
+        "frida_painter_calibration.commands.setup",
         "Set up a machine: find its port, guide its tip to the canvas, the wells and the lightest touch, and test it.",
     ),
     Deferred(
         "calibrate",
-        f"{_CLI}.calibrate",
+        "frida_painter_calibration.commands.calibrate",
         "Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.",
     ),
     Deferred(
         "doctor",
-        f"{_CLI}.calibrate",
+        "frida_painter_calibration.commands.calibrate",
         "Show what the robot's controller tells, the state of the calibration, and the parts there are.",
     ),
     Deferred(
         "parts",
-        f"{_CLI}.calibrate",
+        "frida_painter_calibration.commands.calibrate",
         "Try every part that a package registers, as the program would use it, and say what is wrong with each.",
     ),
-    Deferred("arm", f"{_CLI}.calibrate", "Allow a robot to move again after a stop. Look at the robot first."),
+    Deferred(
+        "arm",
+        "frida_painter_calibration.commands.calibrate",
+        "Allow a robot to move again after a stop. Look at the robot first.",
+    ),
     Deferred(
         "check",
         f"{_CLI}.plans",
@@ -121,7 +125,7 @@ COMMANDS = (
     ),
     Deferred(
         "studio",
-        "frida_painter.web.studio_command",
+        "frida_painter_studio.studio_command",
         "Open the studio, a web page on which you set the goal, see the plan and paint together with the robot.",
     ),
     Deferred(
@@ -131,7 +135,7 @@ COMMANDS = (
     ),
     Deferred(
         "teach",
-        f"{_CLI}.teach",
+        "frida_painter_calibration.commands.teach",
         "Teach a stroke: ten or more marks of one kind become a family of strokes for the planner.",
     ),
     Deferred("strokes", f"{_CLI}.commands", "Collect a library of strokes, and train and test stroke models on it."),
@@ -262,22 +266,22 @@ def _plain(message: str) -> str:
 STROKE_COMMANDS = (
     Deferred(
         "paint",
-        "frida_painter.cli.strokes",
+        "frida_painter_calibration.commands.strokes",
         "Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a library.",
     ),
     Deferred(
         "inspect",
-        "frida_painter.cli.strokes",
+        "frida_painter_calibration.commands.strokes",
         "Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes.",
     ),
     Deferred(
         "train",
-        "frida_painter.cli.strokes",
+        "frida_painter_calibration.commands.strokes",
         "Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.",
     ),
     Deferred(
         "evaluate",
-        "frida_painter.cli.strokes",
+        "frida_painter_calibration.commands.strokes",
         "Measure the error of a stroke model on strokes that were really painted.",
     ),
 )

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from frida_painter.objectives.encoders.loading import EncoderRegistry
     from frida_painter.runs.spec import RunSpec
 
-_imagine = registry.Later("frida_painter.picture_makers.making:imagine")
-_make_pictures = registry.Later("frida_painter.picture_makers.making:make_pictures")
+_imagine = registry.Later("frida_painter_words.picture_makers.making:imagine")
+_make_pictures = registry.Later("frida_painter_words.picture_makers.making:make_pictures")
 _PANEL = "What to paint"
 _MAX_PICTURES, _USUAL_PICTURES = 16, 4
 _MAX_MINUTES, _USUAL_MINUTES = 1440, 30

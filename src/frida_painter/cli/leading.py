@@ -32,7 +32,7 @@ from frida_painter.storage import count_of
 PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
 _GLANCE = 0.2  # seconds between two checks for the pause file
 
-_open_proposer = Later("frida_painter.together.proposing:Proposer")
+_open_proposer = Later("frida_painter_together.proposing:Proposer")
 
 
 class Leader:

@@ -390,7 +390,7 @@ ProposeOption = Annotated[
         rich_help_panel="What to paint",
     ),
 ]
-_require_canvas_maker = Later("frida_painter.picture_makers.making:require_canvas_maker")
+_require_canvas_maker = Later("frida_painter_words.picture_makers.making:require_canvas_maker")
 _GLANCE = 0.2  # seconds between two looks whether the person has stopped
 
 

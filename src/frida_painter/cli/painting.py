@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from frida_painter.session.events import Event
 
 
-_give_picture = registry.Later("frida_painter.cli.without_camera:give_picture")
+_give_picture = registry.Later("frida_painter_calibration.commands.without_camera:give_picture")
 Candidates = Annotated[
     int,
     typer.Option(

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from frida_painter.mixing.recipe import Recipe
     from frida_painter.palette import Palette
 
-_trace_plan = Later("frida_painter.cli.without_camera:trace_plan")
+_trace_plan = Later("frida_painter_calibration.commands.without_camera:trace_plan")
 
 
 # Command for recipes of a palette from a person's own paints.

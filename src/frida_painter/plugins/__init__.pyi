@@ -20,7 +20,6 @@ from frida_painter.exporter import ExporterKind as ExporterKind
 from frida_painter.exporter import ExportOptions as ExportOptions
 from frida_painter.frames import MapFrame as MapFrame
 from frida_painter.frames import PixelGrid as PixelGrid
-from frida_painter.hardware.cameras.shutter import Shutter as Shutter
 from frida_painter.hardware.easel import Easel as Easel
 from frida_painter.hardware.easel import PersonStroke as PersonStroke
 from frida_painter.hardware.interlock import Interlock as Interlock
@@ -52,9 +51,6 @@ from frida_painter.objectives.objective import ObjectiveTerm as ObjectiveTerm
 from frida_painter.objectives.objective import Term as Term
 from frida_painter.objectives.objective import require_weight as require_weight
 from frida_painter.palette import Palette as Palette
-from frida_painter.picture_makers.making import PictureMaker as PictureMaker
-from frida_painter.picture_makers.making import PictureMakerKind as PictureMakerKind
-from frida_painter.picture_makers.making import PictureRequest as PictureRequest
 from frida_painter.plan import Layer as Layer
 from frida_painter.plan import Plan as Plan
 from frida_painter.planning.planner import PlannerKind as PlannerKind
@@ -67,10 +63,14 @@ from frida_painter.session.replan_policy import CanvasSeen as CanvasSeen
 from frida_painter.session.replan_policy import ReplanPolicy as ReplanPolicy
 from frida_painter.strokes import StrokeLimits as StrokeLimits
 from frida_painter.strokes import Strokes as Strokes
-from frida_painter.together.policies import TurnAnswer as TurnAnswer
-from frida_painter.together.policies import TurnPolicy as TurnPolicy
-from frida_painter.together.policies import TurnTaken as TurnTaken
 from frida_painter.virtual.studio import ArmAndTable as ArmAndTable
 from frida_painter.virtual.studio import StudioArm as StudioArm
 from frida_painter.virtual.tabletop import HandNoise as HandNoise
 from frida_painter.virtual.tabletop import StudioLayout as StudioLayout
+from frida_painter_drivers.cameras.shutter import Shutter as Shutter
+from frida_painter_together.policies import TurnAnswer as TurnAnswer
+from frida_painter_together.policies import TurnPolicy as TurnPolicy
+from frida_painter_together.policies import TurnTaken as TurnTaken
+from frida_painter_words.picture_makers.making import PictureMaker as PictureMaker
+from frida_painter_words.picture_makers.making import PictureMakerKind as PictureMakerKind
+from frida_painter_words.picture_makers.making import PictureRequest as PictureRequest

@@ -47,17 +47,17 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Gives, Goal, GoalKind, ObjectiveContext, require_objective
 from frida_painter.palette import Palette
-from frida_painter.picture_makers.making import PictureMaker, PictureMakerKind, PictureRequest
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner, PlannerKind, PlanningTask
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
 from frida_painter.strokes import StrokeLimits, Strokes
-from frida_painter.together.policies import TurnAnswer, TurnPolicy, TurnTaken
 from frida_painter.virtual.bristles import find_brush
 from frida_painter.virtual.robot import Arm
 from frida_painter.virtual.studio import ArmAndTable, StudioArm
+from frida_painter_together.policies import TurnAnswer, TurnPolicy, TurnTaken
+from frida_painter_words.picture_makers.making import PictureMaker, PictureMakerKind, PictureRequest
 
 _SECONDS = 60.0
 _CANVAS = CanvasSize(0.12, 0.09)

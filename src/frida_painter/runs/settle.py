@@ -130,7 +130,7 @@ _FIT = {
 _DARKEST_OF_STUDIO = "#121212"  # its soot reflects 0.6 % of the light
 
 
-_load_family = registry.Later("frida_painter.teaching.families:load_family")
+_load_family = registry.Later("frida_painter_calibration.teaching.families:load_family")
 _ON_GPU = 100.0  # work of a network on a GPU in the time of a processor, at least
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     """Answer to a turn of a person (together.policies.TurnTaken): the strokes to paint instead of the rest, or None to
     replan the rest for the goal."""
 
-answer_usually: Adapt = Later("frida_painter.together.policies:answer_usually")
+answer_usually: Adapt = Later("frida_painter_together.policies:answer_usually")
 
 
 @dataclass(frozen=True)

@@ -69,7 +69,7 @@ class Extent:
     frames: int = 0
 
 
-_open_turns = Later("frida_painter.together.turns:PersonTurns")
+_open_turns = Later("frida_painter_together.turns:PersonTurns")
 
 
 class PaintingSession:

@@ -11,7 +11,7 @@ import pytest
 from PIL import ExifTags, Image
 
 from frida_painter.errors import CameraError, ConfigError, StaleFrame
-from frida_painter.hardware.cameras.folder import FolderCamera, FolderSettings
+from frida_painter_drivers.cameras.folder import FolderCamera, FolderSettings
 
 
 def picture(shade: int, shape: tuple[int, ...] = (40, 60, 3)) -> Image.Image:
@@ -167,7 +167,7 @@ def test_a_half_written_picture_is_waited_for(tmp_path: Path) -> None:
 
 
 def test_a_damaged_picture_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.hardware.cameras.folder._WRITING", 0.5)
+    monkeypatch.setattr("frida_painter_drivers.cameras.folder._WRITING", 0.5)
     (tmp_path / "shot.jpg").write_bytes(b"\xff\xd8\xff\xe0 cut off")
     with pytest.raises(CameraError, match=r"newest picture cannot be used: .*shot.jpg"):
         camera_at(tmp_path, patience=3).capture(time.monotonic() - 1)
@@ -244,7 +244,7 @@ def test_what_telephones_save_is_taken(tmp_path: Path, name: str) -> None:
 def test_a_picture_that_came_and_cannot_be_used_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes, says: str
 ) -> None:
-    monkeypatch.setattr("frida_painter.hardware.cameras.folder._WRITING", 0.3)
+    monkeypatch.setattr("frida_painter_drivers.cameras.folder._WRITING", 0.3)
     (tmp_path / "old.CR2").write_bytes(b"II*\0\x10\0\0\0CR\2\0")  # lay there before
     camera = camera_at(tmp_path, patience=20)
     thread = later(0.1, lambda: (tmp_path / name).write_bytes(content))
@@ -256,7 +256,7 @@ def test_a_picture_that_came_and_cannot_be_used_is_named(
 
 
 def test_what_comes_beside_a_picture_is_not_in_its_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.hardware.cameras.folder._WRITING", 0.2)
+    monkeypatch.setattr("frida_painter_drivers.cameras.folder._WRITING", 0.2)
     camera = camera_at(tmp_path, patience=1)
     (tmp_path / "notes.txt").write_text("a text")
     (tmp_path / "IMG_2.mov").write_bytes(b"\0\0\0\x14ftypqt  ")

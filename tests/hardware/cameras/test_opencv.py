@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import CameraError, StaleFrame
-from frida_painter.hardware.cameras.opencv import OpencvCamera, OpencvSettings
+from frida_painter_drivers.cameras.opencv import OpencvCamera, OpencvSettings
 
 
 class FakeDevice:
@@ -59,7 +59,7 @@ def devices(monkeypatch: pytest.MonkeyPatch) -> list[FakeDevice]:
         return opened[-1]
 
     monkeypatch.setattr(cv2, "VideoCapture", open_device)
-    monkeypatch.setattr("frida_painter.hardware.cameras.opencv._LOOKING", 0.3)
+    monkeypatch.setattr("frida_painter_drivers.cameras.opencv._LOOKING", 0.3)
     return opened
 
 

@@ -19,8 +19,6 @@ from frida_painter.errors import (
     WorkspaceViolation,
     ZeroUnknown,
 )
-from frida_painter.hardware.drivers.axidraw import KIND, LIFTS, MAX_SPEED, AxidrawRobot, AxidrawSettings
-from frida_painter.hardware.drivers.serial_line import SerialLine
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.interlock import PATIENCE
 from frida_painter.hardware.kinds import MachineName
@@ -32,6 +30,8 @@ from frida_painter.hardware.robot import (
     Workspace,
     ZeroedRobot,
 )
+from frida_painter_drivers.axidraw import KIND, LIFTS, MAX_SPEED, AxidrawRobot, AxidrawSettings
+from frida_painter_drivers.serial_line import SerialLine
 from machines.ebb import BRUSHLESS, STANDARD, TimedEbb
 from machines.paths import a_stroke
 from machines.simulated_time import SimulatedTime

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frida_painter.hardware.drivers.axidraw import MAX_SPEED, AxidrawSettings, Move, moves
 from frida_painter.hardware.robot import Waypoints
+from frida_painter_drivers.axidraw import MAX_SPEED, AxidrawSettings, Move, moves
 from machines.paths import a_stroke
 
 PLACE = st.tuples(st.floats(0, 0.3), st.floats(-0.2, 0), st.sampled_from([-0.001, 0.0, 0.005]))

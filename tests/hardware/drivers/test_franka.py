@@ -20,11 +20,11 @@ import franky
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware import interlock
-from frida_painter.hardware.drivers import franka
-from frida_painter.hardware.drivers.franka import FrankaRobot, FrankaSettings
-from frida_painter.hardware.drivers.franka_kinematics import FrankaReach, resume_path
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
+from frida_painter_drivers import franka
+from frida_painter_drivers.franka import FrankaRobot, FrankaSettings
+from frida_painter_drivers.franka_kinematics import FrankaReach, resume_path
 from machines.franky_arm import BRUSH, HEIGHT, TABLE_AT, FrankyArm, tip_positions
 
 HOME = (0.4, 0.0, 0.3)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers import serial_line
-from frida_painter.hardware.drivers.gcode import GcodeRobot, GcodeSettings
 from frida_painter.hardware.gcode import Gcode, Servo
 from frida_painter.hardware.robot import Waypoints
+from frida_painter_drivers import serial_line
+from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings
 from machines import grbl, marlin
 from machines.bench import FOUND, SERVO_GRBL, SERVO_MARLIN, SerialBench, grbl_bench, marlin_bench, serial_bench
 from machines.paths import a_stroke

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import MotionFailed
-from frida_painter.hardware.drivers.gcode import GcodeRobot, GcodeSettings, GrblRobot
-from frida_painter.hardware.drivers.grbl import Grbl
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.own_gcode import OwnGcode
 from frida_painter.hardware.robot import Waypoints
+from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings, GrblRobot
+from frida_painter_drivers.grbl import Grbl
 from machines.grbl import GRBL, QUICK, GrblController
 from machines.marlin import PLAIN, MarlinController
 from machines.paths import a_stroke

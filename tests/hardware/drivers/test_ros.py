@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.drivers import rosbridge
-from frida_painter.hardware.drivers.rosbridge import RosRobot, RosSettings
+from frida_painter_drivers import rosbridge
+from frida_painter_drivers.rosbridge import RosRobot, RosSettings
 from machines.paths import a_stroke
 from machines.ros_arm import RosArm
 

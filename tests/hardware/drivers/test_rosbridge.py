@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import RobotDisconnected, RobotError
-from frida_painter.hardware.drivers.rosbridge import RosbridgeConnection, RosRobot, RosSettings
+from frida_painter_drivers.rosbridge import RosbridgeConnection, RosRobot, RosSettings
 from machines.paths import a_stroke
 
 pytest.importorskip("roslibpy", reason="the extra `ros` is not installed")

@@ -6,11 +6,11 @@ from typing import Any
 import pytest
 
 from frida_painter.errors import ConfigError
-from frida_painter.hardware.drivers.axidraw import AxidrawSettings
-from frida_painter.hardware.drivers.franka_settings import FrankaSettings
-from frida_painter.hardware.drivers.rosbridge import RosSettings
-from frida_painter.hardware.drivers.so101 import So101Settings
-from frida_painter.hardware.drivers.xarm import XarmSettings
+from frida_painter_drivers.axidraw import AxidrawSettings
+from frida_painter_drivers.franka_settings import FrankaSettings
+from frida_painter_drivers.rosbridge import RosSettings
+from frida_painter_drivers.so101 import So101Settings
+from frida_painter_drivers.xarm import XarmSettings
 
 HOME = (0.3, -0.1, 0.3)
 WRONG: list[tuple[type, tuple[Any, ...], dict[str, Any]]] = [

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware import interlock
-from frida_painter.hardware.drivers.xarm import XarmRobot, XarmSettings
 from frida_painter.hardware.robot import ExaminedRobot, TimedRobot, Waypoints
+from frida_painter_drivers.xarm import XarmRobot, XarmSettings
 from machines.paths import a_stroke
 from machines.xarm_box import COLLISION, PAUSED, STOPPED, XarmBox, use_ports
 
@@ -239,8 +239,8 @@ def test_an_arm_that_is_paused_is_given_up_at_the_deadline(
 def test_an_arm_that_is_slower_than_planned_but_moves_is_alive(
     box: XarmBox, robot: XarmRobot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("frida_painter.hardware.drivers.xarm.motion_timeout", lambda path, speed: 0.05)
-    monkeypatch.setattr("frida_painter.hardware.drivers.xarm.PATIENCE", 0.5)
+    monkeypatch.setattr("frida_painter_drivers.xarm.motion_timeout", lambda path, speed: 0.05)
+    monkeypatch.setattr("frida_painter_drivers.xarm.PATIENCE", 0.5)
     box.events[3], box.pace = "speed", 5.0
     assert robot.follow(STROKE).reached == pytest.approx(STROKE.position[-1], abs=1e-6)
     assert robot.alive_at() > 0

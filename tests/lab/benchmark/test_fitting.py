@@ -11,13 +11,13 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import HandInError
 from frida_painter.export.vector import plan_widths, svg
-from frida_painter.lab.benchmark.fitting import PathPiece, _bounds, _schedule, find_brushes, fit_hand_in
-from frida_painter.lab.benchmark.hand_in import DrawnStroke, HandIn
-from frida_painter.lab.benchmark.suite import Budget
-from frida_painter.lab.benchmark.svg_strokes import read_svg
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.render import render
+from frida_painter_lab.benchmark.fitting import PathPiece, _bounds, _schedule, find_brushes, fit_hand_in
+from frida_painter_lab.benchmark.hand_in import DrawnStroke, HandIn
+from frida_painter_lab.benchmark.suite import Budget
+from frida_painter_lab.benchmark.svg_strokes import read_svg
 
 CANVAS = CanvasSize(0.28, 0.21)
 BUDGET = Budget(100, 12, 60.0, 100)

@@ -8,9 +8,9 @@ from hypothesis import strategies as st
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError, HandInError
-from frida_painter.lab.benchmark import hand_in, table
-from frida_painter.lab.benchmark.hand_in import DrawnStroke, HandIn, draw, read_csv
-from frida_painter.lab.benchmark.table import read_hand_in
+from frida_painter_lab.benchmark import hand_in, table
+from frida_painter_lab.benchmark.hand_in import DrawnStroke, HandIn, draw, read_csv
+from frida_painter_lab.benchmark.table import read_hand_in
 
 CANVAS = CanvasSize(0.28, 0.21)
 HEADER = "stroke,color,width_mm,x_mm,y_mm"

@@ -6,13 +6,13 @@ import torch
 
 from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.lab.benchmark import rivals
-from frida_painter.lab.benchmark.suite import Budget
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.run import PaintingRun
+from frida_painter_lab.benchmark import rivals
+from frida_painter_lab.benchmark.suite import Budget
 
 CANVAS = CanvasSize(0.12, 0.09)
 BUDGET = Budget(12, 3, 60.0, 100)

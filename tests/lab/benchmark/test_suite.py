@@ -4,9 +4,9 @@ import torch
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
-from frida_painter.lab.benchmark import suite
-from frida_painter.lab.benchmark.suite import BUDGETS, GOALS, PICTURES, find_budget, find_goal, suite_digest
 from frida_painter.runs.spec import RunSpec
+from frida_painter_lab.benchmark import suite
+from frida_painter_lab.benchmark.suite import BUDGETS, GOALS, PICTURES, find_budget, find_goal, suite_digest
 
 FROZEN = "e2bb2287624a7efec6230b44e1cbada385864315a775b3d1e4cd20cdd0d4f381"
 """Of version v1. A change of pictures, goals, budgets or seeds is a new version, never an edit."""

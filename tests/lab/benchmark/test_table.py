@@ -14,11 +14,11 @@ from scipy import stats
 from frida_painter import images
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
-from frida_painter.lab.benchmark import judges
-from frida_painter.lab.benchmark import table as tables
-from frida_painter.lab.benchmark.judges import Judges
-from frida_painter.lab.benchmark.suite import Budget
-from frida_painter.lab.benchmark.table import (
+from frida_painter_lab.benchmark import judges
+from frida_painter_lab.benchmark import table as tables
+from frida_painter_lab.benchmark.judges import Judges
+from frida_painter_lab.benchmark.suite import Budget
+from frida_painter_lab.benchmark.table import (
     ENTRANTS,
     BenchmarkTable,
     comparison_rows,
@@ -27,7 +27,7 @@ from frida_painter.lab.benchmark.table import (
     summary_rows,
     write_page,
 )
-from frida_painter.lab.experiment import Measurement, Results, silent
+from frida_painter_lab.experiment import Measurement, Results, silent
 
 STROKES = """# frida-painter strokes 1
 stroke,color,width_mm,x_mm,y_mm
@@ -41,7 +41,7 @@ stroke,color,width_mm,x_mm,y_mm
 @pytest.fixture
 def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder with a picture of its own and strokes for it; its canvas is small."""
-    monkeypatch.setattr("frida_painter.lab.benchmark.suite._LONG", 0.08)
+    monkeypatch.setattr("frida_painter_lab.benchmark.suite._LONG", 0.08)
     picture = torch.ones(3, 48, 64)
     picture[:, 24:] = torch.tensor([0.1, 0.25, 0.5])[:, None, None]
     images.save(picture, tmp_path / "own.png")

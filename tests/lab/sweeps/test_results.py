@@ -15,9 +15,10 @@ from scipy import stats
 import frida_painter as fp
 from frida_painter import images
 from frida_painter.errors import PlanError, TryFailed
-from frida_painter.lab import targets
-from frida_painter.lab.sweeps import runner
-from frida_painter.lab.sweeps.report import (
+from frida_painter.runs.settle import ground_of
+from frida_painter_lab import targets
+from frida_painter_lab.sweeps import runner
+from frida_painter_lab.sweeps.report import (
     Mean,
     Result,
     SweepProgress,
@@ -31,9 +32,8 @@ from frida_painter.lab.sweeps.report import (
     write_report,
     write_table,
 )
-from frida_painter.lab.sweeps.runner import best_candidate, rank_plans, sweep
-from frida_painter.lab.sweeps.sweep_spec import SweepSpec
-from frida_painter.runs.settle import ground_of
+from frida_painter_lab.sweeps.runner import best_candidate, rank_plans, sweep
+from frida_painter_lab.sweeps.sweep_spec import SweepSpec
 from sweep_engine import Here
 
 # The page.

@@ -16,14 +16,14 @@ import frida_painter as fp
 from frida_painter import storage
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError, StorageError, SweepBusy, TryFailed, WorkerUnfit
-from frida_painter.lab import targets
-from frida_painter.lab.sweeps import runner
-from frida_painter.lab.sweeps.report import SweepProgress, read_state
-from frida_painter.lab.sweeps.runner import Assignment, perform
-from frida_painter.lab.sweeps.sweep_folder import RunFolder, SweepFolder
-from frida_painter.lab.sweeps.sweep_spec import SweepRun
 from frida_painter.plan import Plan
 from frida_painter.storage import PART
+from frida_painter_lab import targets
+from frida_painter_lab.sweeps import runner
+from frida_painter_lab.sweeps.report import SweepProgress, read_state
+from frida_painter_lab.sweeps.runner import Assignment, perform
+from frida_painter_lab.sweeps.sweep_folder import RunFolder, SweepFolder
+from frida_painter_lab.sweeps.sweep_spec import SweepRun
 from plugins import install
 from sweep_engine import Here
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import ConfigError
-from frida_painter.lab.sweeps.sweep_spec import SweepRun, SweepSpec, label, run_spec
 from frida_painter.runs.spec import FILES
+from frida_painter_lab.sweeps.sweep_spec import SweepRun, SweepSpec, label, run_spec
 
 GRID = {"image": ["a.jpg", "b.jpg"], "seed": [0, 1, 2]}
 

@@ -16,7 +16,7 @@ from frida_painter.objectives.encoders import loading
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal, ObjectiveContext
-from frida_painter.words.text import TextTerm
+from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders
 from support.planning import picture
 

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { largestCrop, moveCrop, reshapeCrop, sentCrop, zoomCrop, zoomOf } from "../../../src/frida_painter/web/static/crop.js";
+import { largestCrop, moveCrop, reshapeCrop, sentCrop, zoomCrop, zoomOf } from "../../../src/frida_painter_studio/static/crop.js";
 
 function* chance(seed, count) {
   let state = seed;

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { between, Drawing, following, goesAround, MAX_ZOOM, moved, WHOLE, zoomed } from "../../../src/frida_painter/web/static/drawing.js";
+import { between, Drawing, following, goesAround, MAX_ZOOM, moved, WHOLE, zoomed } from "../../../src/frida_painter_studio/static/drawing.js";
 
 const line = (erase = false) => ({ points: [[1, 1, 0.5]], color: "#000", width: 0.1, erase, pen: false });
 

@@ -2,10 +2,10 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import "./browser.js";
-import { SHAPES, STAGES } from "../../../src/frida_painter/web/static/gallery.js";
+import { SHAPES, STAGES } from "../../../src/frida_painter_studio/static/gallery.js";
 
 const read = (path) => readFileSync(new URL(`../../../${path}`, import.meta.url), "utf8");
-const css = ["base.css", "studio.css"].map((name) => read(`src/frida_painter/web/static/${name}`)).join("\n");
+const css = ["base.css", "studio.css"].map((name) => read(`src/frida_painter_studio/static/${name}`)).join("\n");
 
 test("each stage that the studio tells has words, a mark, and the mark a shape of its own", () => {
   const told = /stage: ([^;]*);/.exec(read("tools/page/state.d.ts"))?.[1].match(/"[^"]+"/g)?.map((name) => name.slice(1, -1)) ?? [];

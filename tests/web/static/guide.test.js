@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import "./browser.js";
-import { Stride } from "../../../src/frida_painter/web/static/guide.js";
+import { Stride } from "../../../src/frida_painter_studio/static/guide.js";
 
 const STEPS = [0.02, 0.01, 0.005, 0.002];
 

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import "./browser.js";
 
-const { nextSeed, picturesOf } = await import("../../../src/frida_painter/web/static/imagining.js");
+const { nextSeed, picturesOf } = await import("../../../src/frida_painter_studio/static/imagining.js");
 
 const making = (words, seeds, best = 0, rule = "it is the first") => ({ words, maker: "fake", pictures: seeds.map((seed) => ({ picture: `made-${seed}.jpg`, seed })), best, rule, faults: [] });
 const makings = [making("a hat", [3, 4]), making("a sea", [9]), making("a hat", [5, 6], 1, "it is the nearest to the words by a network")];

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { ownerAt, ownerWords } from "../../../src/frida_painter/web/static/painters.js";
-import { thin, tiltOf } from "../../../src/frida_painter/web/static/strokepad.js";
+import { ownerAt, ownerWords } from "../../../src/frida_painter_studio/static/painters.js";
+import { thin, tiltOf } from "../../../src/frida_painter_studio/static/strokepad.js";
 
 const ERRORS = [0.001, 0.001, 0.01, 0.03, 0.1];
 

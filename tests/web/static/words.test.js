@@ -1,16 +1,16 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import "./browser.js";
-import { opacities } from "../../../src/frida_painter/web/static/canvasview.js";
-import { count, duration } from "../../../src/frida_painter/web/static/dom.js";
-import { brushWords } from "../../../src/frida_painter/web/static/easelstate.js";
-import { corrected, toPaint, toPlan } from "../../../src/frida_painter/web/static/estimate.js";
-import { KINDS, learnKinds, mainTerm, nearestWeight, weights } from "../../../src/frida_painter/web/static/goal.js";
-import { cardFacts, linesOf } from "../../../src/frida_painter/web/static/keepsake.js";
-import { outcome } from "../../../src/frida_painter/web/static/looks.js";
-import { placeOf } from "../../../src/frida_painter/web/static/queue.js";
-import { brushes, brushesInWords, oneBrush } from "../../../src/frida_painter/web/static/settings.js";
-import { need, turn } from "../../../src/frida_painter/web/static/needs.js";
+import { opacities } from "../../../src/frida_painter_studio/static/canvasview.js";
+import { count, duration } from "../../../src/frida_painter_studio/static/dom.js";
+import { brushWords } from "../../../src/frida_painter_studio/static/easelstate.js";
+import { corrected, toPaint, toPlan } from "../../../src/frida_painter_studio/static/estimate.js";
+import { KINDS, learnKinds, mainTerm, nearestWeight, weights } from "../../../src/frida_painter_studio/static/goal.js";
+import { cardFacts, linesOf } from "../../../src/frida_painter_studio/static/keepsake.js";
+import { outcome } from "../../../src/frida_painter_studio/static/looks.js";
+import { placeOf } from "../../../src/frida_painter_studio/static/queue.js";
+import { brushes, brushesInWords, oneBrush } from "../../../src/frida_painter_studio/static/settings.js";
+import { need, turn } from "../../../src/frida_painter_studio/static/needs.js";
 
 test("durations are said as people say them", () => {
   const said = { 0: "5 s", 1: "5 s", 12: "15 s", 59: "60 s", 60: "1 min", 95: "2 min", 3600: "1 h 0 min", 5460: "1 h 31 min" };

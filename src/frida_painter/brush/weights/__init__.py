@@ -23,12 +23,12 @@ from frida_painter.storage import abridge
 
 _FORMATS: dict[str, Callable[[ModelFile], StrokeModel]] = {
     FORMAT: StrokeField.restore,
-    "frida-painter family field": Later("frida_painter.teaching.families:FamilyField.restore"),
-    "frida-painter param2stroke": Later("frida_painter.teaching.param2stroke:Param2Stroke.restore"),
+    "frida-painter family field": Later("frida_painter_calibration.teaching.families:FamilyField.restore"),
+    "frida-painter param2stroke": Later("frida_painter_calibration.teaching.param2stroke:Param2Stroke.restore"),
 }
 """Readers of the files of weights, by their format."""
-_family_model = Later("frida_painter.teaching.families:load_family_model")
-_model_of_family = Later("frida_painter.teaching.families:family_model_of")
+_family_model = Later("frida_painter_calibration.teaching.families:load_family_model")
+_model_of_family = Later("frida_painter_calibration.teaching.families:family_model_of")
 _OURS = (StrokeTable, StrokeField)  # made here, from models that were tried
 
 AnyBrush = StrokeModel | str | Path

@@ -1,0 +1,1 @@
+"""Calibration of an easel: procedures, stroke models that are learned, setup of machines."""

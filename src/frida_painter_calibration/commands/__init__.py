@@ -1,0 +1,1 @@
+"""Commands of calibration: setup, calibrate, doctor, parts, arm, strokes, teach."""

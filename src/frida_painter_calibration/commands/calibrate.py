@@ -1,0 +1,261 @@
+"""Commands for an easel: calibrate, doctor, parts and arm."""
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from frida_painter.brush import FEWEST_STROKES, MAX_BETWEEN_REFILLS, MAX_STROKES
+from frida_painter.easel.kinds import state_folder
+from frida_painter.errors import ConfigError, Interrupted, RobotStopped, StorageError
+from frida_painter.hardware.latch import latches
+from frida_painter.options import (
+    BrushOption,
+    CameraOption,
+    PlacementErrorOption,
+    RobotOption,
+    WorkspaceOption,
+    whole_number_within,
+)
+from frida_painter.registry import Later
+
+_check_parts = Later("frida_painter.plugins.conformance:check")
+
+
+class What(StrEnum):
+    """Names of the calibration procedures, and all of them; `all` leaves the surface out."""
+
+    canvas = "canvas"
+    robot = "robot"
+    color = "color"
+    brush = "brush"
+    strokes = "strokes"
+    surface = "surface"
+    all = "all"
+
+
+CanvasOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SIZE",
+        help="Canvas size, width x height, in in, cm or mm. [dim]the workspace's, else 14x11in[/]",
+    ),
+]
+SeedOption = Annotated[
+    int,
+    typer.Option(
+        parser=whole_number_within(0, 2**31 - 1),
+        metavar="N",
+        help="Seed of the virtual studio: its light, robot error and brush. `paint --seed N` uses the same studio.",
+    ),
+]
+RecordOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--record",
+        metavar="FILE",
+        help="The calibration record to write or read. [dim]one per easel in your data folder[/]",
+    ),
+]
+
+
+def calibrate(
+    what: Annotated[
+        What, typer.Argument(metavar="canvas|robot|color|brush|strokes|surface|all", help="The procedure to run.")
+    ],
+    robot: RobotOption = "virtual",
+    camera: CameraOption = "",
+    workspace: WorkspaceOption = None,
+    brush: BrushOption = "broad",
+    canvas: CanvasOption = None,
+    seed: SeedOption = 0,
+    placement_error: PlacementErrorOption = None,
+    count: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(FEWEST_STROKES, MAX_STROKES),
+            metavar="N",
+            help="Number of strokes that the strokes procedure paints for training.",
+        ),
+    ] = 200,
+    refill_every: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(1, MAX_BETWEEN_REFILLS),
+            metavar="N",
+            help="Strokes per dip in the strokes procedure. With 2 or more it learns how long a dip lasts.",
+        ),
+    ] = 1,
+    ask: Annotated[
+        bool,
+        typer.Option("--ask", help="Ask you the questions of a real easel. Without it, the virtual studio answers."),
+    ] = False,
+    points: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(2, 9), metavar="N", help="Points of the surface procedure along each side."
+        ),
+    ] = 3,
+    heights: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Read the height map of the surface from a TOML file, and measure nothing."),
+    ] = None,
+    marks: Annotated[
+        bool,
+        typer.Option("--marks", help="Learn the surface from painted marks: a picture tells their widths."),
+    ] = False,
+    picture: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Your picture of the canvas with the marks. Nothing is painted."),
+    ] = None,
+    record: RecordOption = None,
+) -> None:
+    """Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.
+
+    Each procedure saves its result in the easel's calibration record, with a picture beside it. `all`
+    runs the five procedures in order. surface is for an uneven canvas: the heights of five or nine points, by touch,
+    by your eye or from marks, make a map that every stroke follows.
+    """
+    from frida_painter.brush.kinds import brush_kind
+    from frida_painter.calibration import PROCEDURES
+    from frida_painter.devices import prepare_process
+    from frida_painter_calibration.calibrating import CalibrationSetup, default_record, easel_of
+    from frida_painter_calibration.commands.calibration import easel_spec, enter_heights, lead_all, learn_from_marks
+
+    prepare_process()
+    spec = easel_spec(robot, camera, workspace, canvas, brush, seed, placement_error)
+    names = PROCEDURES if what is What.all else (what.value,)
+    with easel_of(spec) as here:
+        path = (record or default_record(here.calibration.easel)).absolute()
+        setup = CalibrationSetup(here, brush_kind(brush), path, seed, count, print, refill_every, points)
+        if heights is not None:
+            enter_heights(heights, setup, what.value)
+            return
+        if marks or picture is not None:
+            learn_from_marks(setup, what.value, picture, ask=ask or not here.simulated)
+            return
+        lead_all(names, setup, anew=what is What.all, ask=ask or not here.simulated)
+
+
+def doctor(
+    robot: RobotOption = "virtual",
+    camera: CameraOption = "",
+    workspace: WorkspaceOption = None,
+    brush: BrushOption = "broad",
+    canvas: CanvasOption = None,
+    seed: SeedOption = 0,
+    record: RecordOption = None,
+) -> None:
+    """Show what the robot's controller tells, the state of the calibration, and the parts there are.
+
+    A named robot is asked for its settings, without motion, in ten seconds: what they mean, what to change, and
+    what cannot work. --workspace and --camera show the calibration as well. The exit status is 1 if painting
+    would be refused.
+    """
+    from frida_painter_calibration.commands.controller import examine, examine_machine, is_machine
+
+    if is_machine(robot):
+        fit = examine_machine(robot, workspace)
+        if workspace is None or not camera:
+            raise typer.Exit(0 if fit else 1)
+    from frida_painter_calibration.calibrating import default_record, easel_of
+    from frida_painter_calibration.commands.calibration import easel_spec
+
+    with easel_of(easel_spec(robot, camera, workspace, canvas, brush, seed, None)) as easel:
+        here = easel.calibration
+    path = (record or default_record(here.easel)).absolute()
+    if not examine(path, here, named=record is not None):
+        raise typer.Exit(1)
+
+
+# Command that lets a stopped robot move again: arm.
+
+
+def arm(
+    yes: Annotated[
+        bool,
+        typer.Option("--yes", help="Do not ask. For scripts of a person who stands beside the robot and has looked."),
+    ] = False,
+) -> None:
+    """Allow a robot to move again after a stop. Look at the robot first.
+
+    A stop lasts until you arm the robot, even after a restart. Reasons for a stop are a second Ctrl-C,
+    the stop file, a painter process that does not respond, and a fault of the robot.
+    """
+    held = latches(state_folder())
+    refused: StorageError | None = None
+    if not held:
+        print("No robot is stopped.")
+    for latch in held:
+        stopped = latch.read()
+        if stopped is None:
+            continue  # another process has released it
+        print(f"{stopped}.")
+        if yes or _confirm():
+            try:
+                latch.release()
+            except StorageError as failure:
+                refused = failure
+            else:
+                print(f"{stopped.easel} may move again.")
+                continue
+        print(f"{stopped.easel} stays stopped.")
+    if refused is not None:
+        raise refused
+
+
+def _confirm() -> bool:
+    """Returns True if the person at the terminal confirms.
+
+    Raises RobotStopped if nobody sits at a terminal, Interrupted if the person leaves.
+    """
+    if not sys.stdin.isatty():
+        raise RobotStopped(
+            "A robot is armed by somebody who looks at it: run `frida-painter arm` in a terminal beside it, or, from a "
+            "script of your own, with --yes."
+        )
+    try:
+        return input("Is nobody in its way, and is the brush free? Arm it? [y/N] ").strip().lower() in ("y", "yes")
+    except (EOFError, KeyboardInterrupt) as end:
+        raise Interrupted("Nothing was changed; the robot stays stopped.") from end
+
+
+def parts(
+    package: Annotated[str, typer.Argument(metavar="PACKAGE", help="The name of an installed package.")],
+    example: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=TEXT",
+            help="The text with which a part is tried, such as mirror=left-right. May be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Try every part that a package registers, as the program would use it, and say what is wrong with each.
+
+    No device is connected to. The exit status is 1 if a part does not conform.
+    """
+    from frida_painter.devices import prepare_process
+
+    examples = {}
+    for given in example or ():
+        name, equals, text = given.partition("=")
+        if not equals or not name:
+            raise ConfigError(f"--example was given {given[:40]!r}; write NAME=TEXT.")
+        examples[name] = text
+    prepare_process()
+    found = _check_parts(package, examples=examples)
+    for finding in found:
+        typer.echo(str(finding))
+    if not all(finding.passed for finding in found):
+        raise typer.Exit(1)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("calibrate")(calibrate)
+    app.command("doctor")(doctor)
+    app.command("parts")(parts)
+    app.command("arm")(arm)

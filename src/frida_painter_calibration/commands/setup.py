@@ -1,0 +1,119 @@
+"""The command `setup`: sets a machine up together with the person who stands at it."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.options import BrushOption, out_folder
+
+if TYPE_CHECKING:
+    from frida_painter_calibration.setup_dialogue import SetupEvent
+
+
+def setup(
+    preset: Annotated[
+        str | None,
+        typer.Option(metavar="NAME|FILE", help="The preset of the machine, by name or as a file. [dim]asked for[/]"),
+    ] = None,
+    port: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PORT|ADDRESS", help="Where the machine is: a serial port or an address. [dim]asked for[/]"
+        ),
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The name of the easel. [dim]that of the preset[/]")
+    ] = None,
+    canvas: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SIZE",
+            help="Canvas size, width x height, in in, cm or mm; two corners are then marked. [dim]measured by three[/]",
+        ),
+    ] = None,
+    brush: BrushOption = "",
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            parser=out_folder, metavar="FOLDER", help="The folder for the results. [dim]one per easel in your data[/]"
+        ),
+    ] = None,
+    step: Annotated[
+        str | None,
+        typer.Option(metavar="STEP", help="Repeat one step: canvas, touch, surface, paint, trace or strokes."),
+    ] = None,
+    anew: Annotated[bool, typer.Option("--anew", help="Begin from the start, even if a setup was left.")] = False,
+    show: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Print a preset's file, as the beginning of your own, and exit."),
+    ] = None,
+    presets: Annotated[bool, typer.Option("--presets", help="List the presets, and exit.")] = False,
+) -> None:
+    """Set up a machine: find its port, guide its tip to the canvas, the wells and the lightest touch, and test it.
+
+    A preset says what is known of your kind of machine. You guide the tip with the arrow keys. The outlines
+    are then traced in the air, and three strokes are painted. You can leave at any step; the same command
+    continues. It writes a workspace, a calibration record, and a picture of both.
+    """
+    from frida_painter.cli.terminal import GuidingKeys, terminal_at
+    from frida_painter.devices import prepare_process
+    from frida_painter.hardware.preset import read_preset
+    from frida_painter_calibration.setup_dialogue import SetupOrder, lead_setup
+
+    if presets:
+        _list_presets()
+        return
+    if show is not None:
+        print(read_preset(show), end="")
+        return
+    prepare_process()
+    size = None if canvas is None else CanvasSize.parse(canvas)
+    order = SetupOrder(preset, port, name, size, brush or None, folder, step, anew)
+    terminal = terminal_at(folder or Path.cwd(), keys=GuidingKeys.of_this_terminal())
+    lead_setup(order, terminal.answer, _tell)
+
+
+def _list_presets() -> None:
+    from rich.console import Console
+    from rich.table import Table as Rows
+
+    from frida_painter.hardware.preset import presets, user_folder
+
+    rows = Rows("preset", "machine", "--robot", box=None, padding=(0, 2, 0, 0))
+    for preset in presets().values():
+        rows.add_row(preset.name, preset.title, preset.robot_name())
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(rows)
+    console.print(f"Your own presets are files NAME.toml in {user_folder()}", markup=False)
+
+
+_MARKS = {"fact": "  ", "warning": "! ", "refusal": "x "}
+
+
+def _tell(event: "SetupEvent") -> None:
+    """Prints what happens in a setup."""
+    from frida_painter.session.events import Remark
+    from frida_painter.session.setup_events import MachineTold, SetupStands, SetupStepBegan, SetupWritten
+    from frida_painter_calibration.machine_setup import STEPS
+
+    match event:
+        case Remark(sentence):
+            print(sentence)
+        case MachineTold(facts):
+            for fact in facts:
+                print(f"{_MARKS[fact['weight']]}{fact['text']}")
+        case SetupStepBegan(name):
+            print(f"\nStep {list(STEPS).index(name) + 1} of {len(STEPS)}: {STEPS[name]}")
+        case SetupWritten(workspace, record, sheet, commands):
+            print(f"\nThe workspace: {workspace}\nThe calibration record: {record}\nBoth as a picture: {sheet}")
+            for each in commands:
+                print(f"{each['about']}:\n  {each['command']}")
+        case SetupStands():
+            pass
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("setup")(setup)

@@ -1,0 +1,356 @@
+"""Commands for stroke libraries and stroke models: strokes paint, inspect, train, evaluate."""
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from frida_painter import registry, storage
+from frida_painter.brush import (
+    DEFAULT_MODEL,
+    FIELD,
+    MAX_BETWEEN_REFILLS,
+    MAX_FOLDS,
+    MAX_STROKES,
+    MODELS,
+    PARAM2STROKE,
+)
+from frida_painter.errors import ConfigError
+from frida_painter.options import BrushOption, ListingOption, SeedOption, out_file, whole_number_within
+
+if TYPE_CHECKING:
+    from frida_painter.brush.kinds import BrushKind
+    from frida_painter.brush.library import StrokeLibrary
+    from frida_painter_calibration.procedures.strokes import StrokesFinding
+    from frida_painter_calibration.teaching.evaluation import Evaluation, Learned, Likelihood
+
+
+# strokes evaluate: error of a stroke model on really painted strokes.
+
+_SHOWN = 8
+
+
+def evaluate_model(
+    weights: Annotated[
+        str,
+        ListingOption(
+            "--weights",
+            metavar="FILE",
+            groups=(registry.STROKE_MODELS,),
+            says="The weights to test (.safetensors), or a brush. Available:",
+        ),
+    ],
+    library: Annotated[
+        Path, typer.Option(metavar="FILE", help="A stroke library that the model was not trained on (.npz).")
+    ],
+    page: Annotated[
+        Path | None,
+        typer.Option(parser=out_file, metavar="FILE", help="Also write a page with pictures of the strokes (.html)."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print every figure as JSON.")] = False,
+) -> None:
+    """Measure the error of a stroke model on strokes that were really painted.
+
+    The error is the mean absolute error of the magnitude map over the whole stored crop, from 0 to 1.
+    All strokes count, also flawed ones.
+    """
+    from frida_painter.brush.library import StrokeLibrary
+    from frida_painter.brush.weights import load_stroke_model
+    from frida_painter.devices import prepare_process
+    from frida_painter_calibration.sheets.training_page import evaluation_page
+    from frida_painter_calibration.teaching.evaluation import evaluate, likelihood
+
+    if page is not None and page.suffix != ".html":
+        raise ConfigError(f"--page was given {str(page)!r}; a page goes into a file that ends in .html.")
+    prepare_process()
+    model = load_stroke_model(weights)
+    strokes = StrokeLibrary.load(library)
+    found, foretold = evaluate(model, strokes), likelihood(model, strokes)
+    if page is not None:
+        storage.write_text(page, evaluation_page(model, weights, strokes, library.name))
+    if as_json:
+        print(json.dumps(_record(weights, library, model.brush, strokes, found, foretold), indent=2))
+    else:
+        _show(strokes, found, foretold)
+
+
+def _record(
+    weights: str, path: Path, brush: str, strokes: "StrokeLibrary", found: "Evaluation", foretold: "Likelihood"
+) -> dict[str, str | int | float | list[dict[str, int | float | bool]]]:
+    return {
+        "weights": weights,
+        "brush": brush,
+        "library": str(path),
+        "strokes": len(strokes),
+        "mean_absolute_error": float(found.error.mean()),
+        "error_of_bare_paper": float(found.paint.mean()),
+        "log_likelihood": foretold.predicted,
+        "log_likelihood_with_one_variance": foretold.constant,
+        "strokes_outside_the_limits": int(found.outside.sum()),
+        "per_stroke": [
+            {
+                "recorded_index": int(strokes.recorded_index[index]),
+                "thickness": float(strokes.thickness[index]),
+                "length_m": float(strokes.length_m[index]),
+                "bend_m": float(strokes.bend_m[index]),
+                "error": float(found.error[index]),
+                "outside_the_limits": bool(found.outside[index]),
+            }
+            for index in range(len(strokes))
+        ],
+    }
+
+
+def _show(strokes: "StrokeLibrary", found: "Evaluation", foretold: "Likelihood") -> None:
+    console = Console(highlight=False)
+    console.print(
+        f"{len(strokes)} strokes: mean absolute error [bold]{found.error.mean():.4f}[/] "
+        f"(bare paper would give {found.paint.mean():.4f}); half of the strokes are below "
+        f"{sorted(found.error)[len(strokes) // 2]:.4f}, the worst has {found.error.max():.4f}.",
+        soft_wrap=True,
+    )
+    console.print(
+        f"Mean and variance that the model expects: log likelihood {foretold.predicted:.2f} per cell, "
+        f"{foretold.constant:.2f} with one variance for all cells.",
+        soft_wrap=True,
+    )
+    if found.outside.any():
+        console.print(
+            f"{found.outside.sum()} of them are outside the lengths and bends that the model knows (marked *)."
+        )
+    worst = found.error.argsort()[::-1][:_SHOWN]
+    table = Table("stroke", "thickness", "length", "bend", "error", title=f"The {len(worst)} farthest off", box=None)
+    for column in table.columns:
+        column.justify = "right"
+    for index in worst:
+        table.add_row(
+            f"{strokes.recorded_index[index]}{'*' if found.outside[index] else ''}",
+            f"{strokes.thickness[index]:.2f}",
+            f"{1000 * strokes.length_m[index]:.1f} mm",
+            f"{1000 * strokes.bend_m[index]:.1f} mm",
+            f"{found.error[index]:.4f}",
+        )
+    console.print(table)
+
+
+# strokes train: from photographs of strokes to a stroke model.
+
+
+def train(
+    library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
+    brush: Annotated[
+        str | None,
+        ListingOption(
+            "--brush",
+            metavar="NAME",
+            groups=(registry.STROKE_MODELS,),
+            says="The brush that painted the library. Without it, the limits come from the library. Available:",
+            show_default=False,
+        ),
+    ] = None,
+    model: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME", help=f"{FIELD}: needs few strokes; {PARAM2STROKE}: the network of the FRIDA paper."
+        ),
+    ] = DEFAULT_MODEL,
+    folds: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(0, MAX_FOLDS),
+            metavar="K",
+            help="Cross-validation: train K times before, each time with another part held out. 0 for none.",
+        ),
+    ] = 0,
+    seed: SeedOption = 0,
+    out: Annotated[
+        Path, typer.Option(parser=out_file, metavar="FILE", help="The weights to write (.safetensors).")
+    ] = Path("weights.safetensors"),
+) -> None:
+    """Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.
+
+    A fifth of the strokes is held out for validation. The learning curve (.csv) and a page with
+    pictures (.html) are written beside the weights.
+    """
+    from frida_painter.brush.kinds import brush_kind
+    from frida_painter.brush.library import StrokeLibrary
+    from frida_painter.devices import prepare_process
+    from frida_painter_calibration.sheets.training_page import training_page
+    from frida_painter_calibration.teaching.evaluation import cross_validate
+    from frida_painter_calibration.teaching.training import TrainingProgress
+
+    if out.suffix != ".safetensors" or out.is_dir():
+        raise ConfigError(f"--out was given {str(out)!r}; weights go into a file that ends in .safetensors.")
+    if model not in MODELS:
+        raise ConfigError(f"--model was given {model!r}; models are {' and '.join(MODELS)}.")
+    if folds == 1:
+        raise ConfigError("--folds was given 1; a library is parted into at least 2 folds, or 0 for none.")
+    kind = brush_kind(brush) if brush is not None else None
+    strokes = StrokeLibrary.load(library)
+    prepare_process()  # one thread: as fast as several here, and the same weights for any number of cores
+    # The output file is opened first, so that an unwritable one fails before minutes of training.
+    with storage.replacing(out) as unfinished, work_bar() as bar:
+        if folds:
+            task = bar.add_task("cross-validation", total=folds)
+
+            def follow(fold: int, progress: TrainingProgress) -> None:
+                bar.update(task, completed=fold + progress.epoch / progress.epochs)
+
+            errors = cross_validate(model, strokes, kind, folds=folds, seed=seed, notify=follow)
+            bar.remove_task(task)
+            print(
+                f"Cross-validation in {folds} folds: mean error {errors.mean():.4f}, spread {errors.std(ddof=1):.4f} "
+                f"({', '.join(f'{error:.4f}' for error in errors)})."
+            )
+        learned = learn_on(bar, model, strokes, kind, seed)
+        learned.model.save(unfinished)
+    storage.write_text(out.with_suffix(".csv"), _curve(learned))
+    page = out.with_suffix(".html")
+    storage.write_text(page, training_page(learned, model, library.name, dirty=len(strokes) - len(learned.library)))
+    _conclude(learned, len(strokes), out, page)
+
+
+def _conclude(learned: "Learned", count: int, out: Path, page: Path) -> None:
+    report, clean = learned.report, len(learned.library)
+    dirty = f" ({count - clean} dirty ones were left out)" if count > clean else ""
+    print(
+        f"Trained on {clean - len(report.held_out)} strokes{dirty}; on {len(report.held_out)} others the mean "
+        f"error of the magnitude is {report.validation_error:.4f}: {out}\nPictures: {page}"
+    )
+
+
+def _curve(learned: "Learned") -> str:
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(("epoch", "training_error", "validation_error"))
+    rows.writerows((step.epoch, step.training_error, step.validation_error) for step in learned.report.curve)
+    return text.getvalue()
+
+
+def work_bar() -> Progress:
+    """Returns the progress bar of a training or a library, which goes when it is done."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=Console(stderr=True, highlight=False),
+        transient=True,
+    )
+
+
+def learn_on(bar: Progress, model: str, library: "StrokeLibrary", kind: "BrushKind | None", seed: int) -> "Learned":
+    """Learns a stroke model of that name, and shows the progress on a bar."""
+    from frida_painter_calibration.teaching.evaluation import learn
+    from frida_painter_calibration.teaching.training import TrainingProgress
+
+    task = bar.add_task("training", total=None)
+
+    def hear(progress: TrainingProgress) -> None:
+        words = f"training, error {progress.validation_error:.4f}, best {progress.best_error:.4f}"
+        bar.update(task, total=progress.epochs, completed=progress.epoch, description=words)
+
+    return learn(model, library, kind, seed=seed, notify=hear)
+
+
+def paint_library(kind: "BrushKind", out: Path, count: int, seed: int, refill_every: int = 1) -> "StrokesFinding":
+    """Has the virtual studio paint a library of strokes of a brush into a file, and shows the progress."""
+    from frida_painter.brush.library import Flaw
+    from frida_painter.easel.dialogue import lead
+    from frida_painter.easel.virtual_easel import open_virtual_easel
+    from frida_painter_calibration.procedures.strokes import StrokesProgress, strokes
+
+    with work_bar() as bar:
+        task = bar.add_task("painting strokes", total=count)
+
+        def hear(progress: StrokesProgress) -> None:
+            flaw = f", {progress.flaw.words}" if progress.flaw is not Flaw.NONE else ""
+            bar.update(task, completed=progress.done, description=f"painting strokes, paper {progress.sheet}{flaw}")
+
+        easel = open_virtual_easel(kind.name, seed)
+        painting = strokes(easel, kind, out, count=count, seed=seed, refill_every=refill_every, notify=hear)
+        return lead(painting, lambda question: question.proposal or False)
+
+
+def paint(
+    brush: BrushOption = "broad",
+    count: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(1, MAX_STROKES), metavar="N", help="Number of strokes. About 200 are enough."
+        ),
+    ] = 200,
+    seed: SeedOption = 0,
+    refill_every: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(1, MAX_BETWEEN_REFILLS),
+            metavar="N",
+            help="Strokes per dip of the brush. 1 dips before every stroke.",
+        ),
+    ] = 1,
+    out: Annotated[
+        Path, typer.Option(parser=out_file, metavar="FILE", help="The stroke library to write (.npz).")
+    ] = Path("library.npz"),
+) -> None:
+    """Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a library.
+
+    Flawed strokes are marked and never used for training. The contact sheet beside the library shows
+    all strokes. If the command was interrupted, run it again to continue.
+    """
+    from frida_painter import images
+    from frida_painter.brush.kinds import brush_kind
+    from frida_painter.devices import prepare_process
+    from frida_painter_calibration.procedures.strokes import unfinished_folder
+
+    kind = brush_kind(brush)
+    if out.suffix != ".npz":
+        raise ConfigError(f"--out was given {str(out)!r}; stroke libraries end in .npz.")
+    prepare_process()
+    if unfinished_folder(out).exists():
+        print(f"Going on with the strokes in {unfinished_folder(out)}.")
+    finding = paint_library(kind, out, count, seed, refill_every)
+    sheet = out.with_suffix(".png")
+    images.save(finding.picture, sheet)
+    print(f"{finding.sentence}\nContact sheet: {sheet}")
+
+
+def inspect(
+    library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            parser=out_file, metavar="FILE", help="The contact sheet to write (.png or .jpg).", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes."""
+    from frida_painter import images
+    from frida_painter.brush.library import Flaw, StrokeLibrary, judge
+    from frida_painter_calibration.procedures.strokes import contact_sheet
+
+    strokes_seen = StrokeLibrary.load(library)
+    flaws = judge(strokes_seen)
+    dirty = int((flaws != Flaw.NONE).sum())
+    print(f"{len(strokes_seen)} strokes, {dirty} of them dirty and left out of training.")
+    for flaw in Flaw:
+        numbers = strokes_seen.recorded_index[flaws == flaw]
+        if flaw is not Flaw.NONE and len(numbers):
+            print(f"{len(numbers)} {flaw.words} ({flaw.sentence}): {', '.join(map(str, numbers))}")
+    sheet = out or Path(f"{library.stem}-strokes.png")
+    images.save(contact_sheet(strokes_seen, f"Strokes of {library.name}"), sheet)
+    print(f"Contact sheet: {sheet}")
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("evaluate")(evaluate_model)
+    app.command("train")(train)
+    app.command("paint")(paint)
+    app.command("inspect")(inspect)

@@ -1,0 +1,1 @@
+"""Sheets and pages that show what was calibrated or learned."""

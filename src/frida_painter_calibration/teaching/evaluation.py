@@ -1,0 +1,253 @@
+"""Training of stroke models by name, and their comparison with recorded strokes."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter.brush import FEWEST_STROKES, FIELD, MODELS, PARAM2STROKE
+from frida_painter.brush.field import StrokeField
+from frida_painter.brush.kinds import BrushKind, StrokeModel, growth_of, median_of, spread_of
+from frida_painter.brush.library import StrokeLibrary, clean, resample
+from frida_painter.errors import ConfigError, LibraryError
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
+from frida_painter_calibration.teaching.families import FamilyField
+from frida_painter_calibration.teaching.param2stroke import Param2Stroke, train_param2stroke
+from frida_painter_calibration.teaching.training import TrainingProgress, TrainingReport, require_enough, train_field
+
+# From a stroke library to a stroke model; only this part knows all kinds of models.
+
+_KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {FIELD: StrokeField, PARAM2STROKE: Param2Stroke}
+OTHER_BRUSH = "other"
+"""Name of a brush outside this project."""
+_COLUMNS = {FIELD: 160, PARAM2STROKE: 80}
+_USUAL_COLUMNS = 80
+_ROOM = 0.03  # share of the range
+_MIN_ROOM = 0.0005
+_SHORTEST = 0.0001
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Trained stroke model, its report, and the strokes of the training, which are counted in the report."""
+
+    model: StrokeField | Param2Stroke
+    report: TrainingReport
+    library: StrokeLibrary
+
+
+def learn(
+    name: str,
+    library: StrokeLibrary,
+    kind: BrushKind | None = None,
+    *,
+    seed: int = 0,
+    hasty: bool = False,
+    notify: Callable[[TrainingProgress], None] | None = None,
+) -> Learned:
+    """Trains the stroke model `name` on the clean strokes of a library.
+
+    kind: brush that painted them; None for a brush outside this project. Then the library sets frame and limits.
+    hasty: True for a very short training, to test the procedure
+    The same seed gives the same weights.
+    Raises ConfigError if the model is unknown, and LibraryError if there are fewer than 5 clean strokes or the
+    crops do not contain the start of the strokes.
+    """
+    if name not in MODELS:
+        raise ConfigError(f"Stroke model {name!r} is not known; models are {' and '.join(MODELS)}.")
+    require_enough(library)
+    if kind is None:
+        brush, (frame, limits) = OTHER_BRUSH, geometry(library, _COLUMNS[name])
+    else:
+        brush, frame, limits = kind.name, kind.frame, kind.limits
+    strokes = clean(library)
+    require_enough(strokes)
+    if kind is not None and kind.limits.family is not None:
+        return _learn_family(name, strokes, kind, seed, 2 if hasty else None, notify)
+    if library.code is not None:
+        raise LibraryError(
+            "The stroke library holds strokes of a family; say of which (--strokes-of), and the brush that painted it."
+        )
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model = _KINDS_OF_MODEL[name](brush, frame, limits)
+    if isinstance(model, StrokeField):
+        report = train_field(model, strokes, seed=seed, epochs=2 if hasty else None, notify=notify)
+    elif hasty:
+        report = train_param2stroke(model, strokes, seed=seed, rehearsals=0, epochs=11, notify=notify)
+    else:
+        report = train_param2stroke(model, strokes, seed=seed, notify=notify)
+    return Learned(model, report, strokes)
+
+
+def _learn_family(
+    name: str,
+    strokes: StrokeLibrary,
+    kind: BrushKind,
+    seed: int,
+    epochs: int | None,
+    notify: Callable[[TrainingProgress], None] | None,
+) -> Learned:
+    """Trains the field of a family's strokes for a brush. Raises ConfigError and LibraryError if they do not fit."""
+    family = kind.limits.family
+    assert family is not None
+    if name != FIELD:
+        raise ConfigError(f"The strokes of a family were to be learned by {name}; only {FIELD} learns them.")
+    if strokes.code is None or strokes.code.shape[1] != family.codes:
+        raise LibraryError(f"The stroke library holds no strokes of the family {family.name}; paint it anew.")
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        model = FamilyField(kind.name, kind.frame, kind.limits)
+    return Learned(model, train_field(model, strokes, seed=seed, epochs=epochs, notify=notify), strokes)
+
+
+def geometry(library: StrokeLibrary, most_columns: int = _USUAL_COLUMNS) -> tuple[MapFrame, StrokeLimits]:
+    """Returns frame and limits of a brush from its library.
+
+    The frame is the rectangle of the crops with an even number of nearly square cells. The limits are those of
+    the strokes with a small margin, because later strokes may be longer than any of the library.
+    Raises LibraryError if the crops do not contain the start of the strokes.
+    """
+    whole = library.frame
+    if not (whole.left < 0 < whole.right and whole.bottom < 0 < whole.top):
+        raise LibraryError(
+            f"The strokes of the library start at row, column {library.origin_px} of crops of "
+            f"{whole.rows} x {whole.columns} pixels; give crops that hold the start of the stroke."
+        )
+    columns = max(4, min(most_columns, 2 * round(whole.columns / 2)))
+    pitch = (whole.right - whole.left) / columns
+    rows = max(4, 2 * round((whole.top - whole.bottom) / pitch / 2))
+    shortest, longest = _with_room(float(library.length_m.min()), float(library.length_m.max()))
+    bends = _with_room(float(library.bend_m.min()), float(library.bend_m.max()))
+    return whole.resize(rows, columns), StrokeLimits((max(_SHORTEST, shortest), longest), bends)
+
+
+def _with_room(least: float, most: float) -> tuple[float, float]:
+    room = max(_MIN_ROOM, _ROOM * (most - least))
+    return least - room, most + room
+
+
+_BATCH = 32
+_TOLERANCE = 1e-6
+_MAX_OUTSIDE = 0.25
+_CAMERA_NOISE = 0.03  # standard deviation of a magnitude
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Errors of n strokes.
+
+    error [n]: mean absolute error of the magnitude over the whole stored crop, in [0, 1]
+    paint [n]: error of an empty prediction, which is the mean magnitude
+    outside [n]: True if length or bend is outside the limits of the model
+    """
+
+    error: NDArray[np.float64]
+    paint: NDArray[np.float64]
+    outside: NDArray[np.bool_]
+
+
+def evaluate(model: StrokeModel, library: StrokeLibrary) -> Evaluation:
+    """Compares all marks of a library, dirty ones too, with those of a model, at the pixels of the library.
+
+    A stroke outside the limits of the model is compared too and marked in `outside`. Raises LibraryError if
+    more than a quarter of the strokes are outside: the library then belongs to another brush.
+    """
+    limits = {"length": model.limits.length, "bend": model.limits.bend}
+    if (model.limits.family is None) != (library.code is None):
+        raise LibraryError("The library and the model are of different kinds of strokes; give those of one family.")
+    outside = np.zeros(len(library), np.bool_)
+    for values, (least, most) in zip((library.length_m, library.bend_m), limits.values(), strict=True):
+        outside |= ~((values >= least - _TOLERANCE) & (values <= most + _TOLERANCE))
+    if outside.mean() > _MAX_OUTSIDE:
+        known = ", ".join(f"{name} {1000 * low:.1f} to {1000 * high:.1f} mm" for name, (low, high) in limits.items())
+        raise LibraryError(
+            f"Of {len(library)} strokes of the library {outside.sum()} are outside what the model knows ({known}); "
+            "give a library of the brush that the model was trained for."
+        )
+    return Evaluation(errors(model, library), library.magnitude.mean((1, 2), dtype=np.float64) / 255, outside)
+
+
+@torch.no_grad()
+def errors(model: StrokeModel, library: StrokeLibrary) -> NDArray[np.float64]:
+    """Returns the mean absolute error of each stroke's magnitude over the whole stored crop, [n] in [0, 1]."""
+    shapes = library.shapes()
+    found = []
+    for part in np.array_split(np.arange(len(library)), -(-len(library) // _BATCH)):
+        wanted = torch.from_numpy(library.magnitude[part]).float() / 255
+        maps, growth = median_of(model)(*(values[part] for values in shapes)), growth_of(model, shapes[1][part])
+        if growth is None:
+            drawn = resample(maps, model.frame, library.frame)
+        else:
+            grown = zip(maps, map(model.frame.scale, growth.tolist()), strict=True)
+            drawn = torch.cat([resample(one[None], frame, library.frame) for one, frame in grown])
+        found.append((drawn - wanted).abs().mean((1, 2)).double().numpy())
+    return np.concatenate(found)
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Quality of a model's mean and variance: mean log density of a cell's magnitude in nats; higher is better.
+
+    predicted: for normal distributions with the mean and the variance of the model
+    constant: for the same mean and the best constant variance for these marks
+    """
+
+    predicted: float
+    constant: float
+
+
+@torch.no_grad()
+def likelihood(model: StrokeModel, library: StrokeLibrary) -> Likelihood:
+    """Returns the likelihood on all cells of the model's frame, of marks outside the training data.
+
+    The noise of a camera is added to both variances.
+    """
+    noise = _CAMERA_NOISE**2
+    means = torch.cat(
+        [model(*part) for part in zip(*(torch.split(one, _BATCH) for one in library.shapes()), strict=True)]
+    )
+    missed = (library.maps(model.frame) - means).square()
+
+    def density(variance: Tensor) -> float:
+        return float(-0.5 * (torch.log(2 * torch.pi * variance) + missed / variance).mean())
+
+    return Likelihood(density(spread_of(model).variance(means) + noise), density(missed.mean() + noise))
+
+
+def cross_validate(
+    name: str,
+    library: StrokeLibrary,
+    kind: BrushKind | None = None,
+    *,
+    folds: int,
+    seed: int = 0,
+    notify: Callable[[int, TrainingProgress], None] | None = None,
+) -> NDArray[np.float64]:
+    """Trains the stroke model `name` without one fold of the library at a time, and tests it on that fold.
+
+    notify: receives the number of the fold, from 0, and the progress of its training
+    Returns the mean error of each fold, [folds]. Raises LibraryError if there are too few strokes for that
+    number of folds.
+    """
+    fewest = max(folds, FEWEST_STROKES + -(-FEWEST_STROKES // (folds - 1)))
+    if len(library) < fewest:
+        raise LibraryError(
+            f"The stroke library has {len(library)} strokes; {folds} folds need at least {fewest}, "
+            f"so that {FEWEST_STROKES} are left to learn from."
+        )
+    order = np.random.default_rng(seed).permutation(len(library))
+    tested = []
+    for fold, test in enumerate(np.array_split(order, folds)):
+
+        def hear(progress: TrainingProgress, fold: int = fold) -> None:
+            if notify is not None:
+                notify(fold, progress)
+
+        learned = learn(name, library[np.setdiff1d(order, test)], kind, seed=seed, notify=hear)
+        tested.append(errors(learned.model, library[test]).mean())
+    return np.array(tested)

@@ -1,0 +1,116 @@
+"""The firmware of a machine that follows G-code over an open line: what GRBL and Marlin have in common."""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from frida_painter.errors import MotionFailed
+from frida_painter.hardware.deadline import steady
+from frida_painter.hardware.gcode import Gcode
+from frida_painter.hardware.interlock import Interlock
+from frida_painter.hardware.robot import MachineFact
+from frida_painter_drivers.serial_line import FLOOD, SerialLine, StrangeLines
+
+Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+Axes = tuple[float, float, float]
+SLICE = 0.05
+"""Seconds for which a line is read before something else is looked at."""
+JOG_FEED = 600
+"""Feed of a jog, mm/min."""
+_CATCH_UP_AFTER = 1.0  # seconds for which nobody listened
+
+
+class AnyFirmware(ABC):
+    """Base of the firmwares: their zero, and what they say while nobody listens. Lengths in mm of the work coordinates.
+
+    homing: True if the machine may drive to its limit switches on connection
+
+    Its methods raise MotionFailed, RobotDisconnected and RobotStopped.
+    """
+
+    untold = "since its last start nobody has told it where it stands"
+    """Reason for a zero that is lost without a reset."""
+
+    def __init__(self, line: SerialLine, interlock: Interlock, language: Gcode, *, homing: bool) -> None:
+        self._line, self._interlock, self._language, self._homing_wanted = line, interlock, language, homing
+        self._was_reset = self._zero_known = self._homes = False
+        self._heard_at = time.monotonic()
+        self._alive_at = steady()
+        self._listens = True  # False while it reads what came when nobody listened
+        self._strangers = StrangeLines()
+
+    @abstractmethod
+    def send(self, line: str, label: str, waypoint: int | None) -> None:
+        """Sends a line and returns when it is acknowledged; waits as long as the machine shows that it lives."""
+
+    @abstractmethod
+    def position(self) -> NDArray[np.float64]:
+        """Returns the machine's position [3]."""
+
+    @abstractmethod
+    def _hear(self, seconds: float = SLICE) -> str | None:
+        """Returns the next line that means something; None if none came."""
+
+    @property
+    def zero_lost(self) -> str:
+        """Reason why the position may be wrong; "" if it survived."""
+        if self._zero_known:
+            return ""
+        return "its board was reset, and counts from 0 wherever it stands" if self._was_reset else self.untold
+
+    def alive_at(self) -> float:
+        """Returns the time (s, steady) when the machine last showed that it moves or waits."""
+        return self._alive_at
+
+    def _explain_zero(self) -> Iterator[MachineFact]:
+        if not self._zero_known:
+            yield MachineFact(f"Its zero is to be found before it paints: {self.zero_lost}.", "warning")
+
+    @staticmethod
+    def _explain_speeds(rates: Axes, gains: Axes, rates_from: str, gains_from: str) -> MachineFact:
+        """Returns the greatest speeds in mm/s and accelerations in mm/s2, each with the settings that hold them."""
+        speeds = ", ".join(f"{axis} {round(rate, 2):g} mm/s" for axis, rate in zip("xyz", rates, strict=True))
+        ramps = ", ".join(f"{axis} {gain:g}" for axis, gain in zip("xyz", gains, strict=True))
+        return MachineFact(f"It moves at most: {speeds}{rates_from}, and accelerates by {ramps} mm/s2{gains_from}.")
+
+    def _lift(self, label: str) -> None:
+        """Lifts a brush that no axis lifts all the way."""
+        x, y, _ = (self.position() / 1000).tolist()
+        for line in self._language.lift_fully((x, y)):
+            self.send(line, label, None)
+
+    def _words(self, tip: NDArray[np.float64]) -> str:
+        """Returns a position as words, without the height if a servo has it."""
+        x, y, z = (f"{value:.3f}" for value in tip)
+        return f"X{x} Y{y}" + ("" if self._language.servo is not None else f" Z{z}")
+
+    def _catch_up(self, label: str) -> None:
+        """Reads what the machine said while nobody listened. Raises MotionFailed if it was reset meanwhile."""
+        if time.monotonic() < self._heard_at + _CATCH_UP_AFTER:
+            return
+        until, reset = time.monotonic() + FLOOD, self._was_reset
+        self._listens = False
+        while time.monotonic() < until and (
+            self._hear(0.02) is not None or (self._line.holds_part and self._hear(2 * SLICE) is not None)
+        ):
+            pass
+        self._listens = True
+        self._line.drop_part()  # else the next line would be taken for its end
+        if self._was_reset and not reset:
+            raise self._report_reset(label, None)
+
+    def _report_reset(self, label: str, waypoint: int | None) -> MotionFailed:
+        return MotionFailed(
+            f"{label}: {self._interlock.name} was reset{place(waypoint)}; it has forgotten where it is. Look at it, "
+            "home it, then connect anew.",
+            "reset",
+            waypoint,
+        )
+
+
+def place(waypoint: int | None) -> str:
+    """Returns " at waypoint 3" for a sentence; "" if the waypoint is not known."""
+    return "" if waypoint is None else f" at waypoint {waypoint}"

@@ -1,0 +1,434 @@
+"""The carrier of all that is measured: an experiment asks a question, does runs, and shows what they gave.
+
+An experiment is a row: its runs, a measure of one run, and tables, sentences and pictures of all. A run contains all
+that decides its measurement, so that runs go on in any order and in any process. A run that is done stays on the disk,
+and an interrupted experiment continues from there.
+"""
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cache, cached_property
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from torch import Tensor
+
+from frida_painter import images, storage
+from frida_painter.errors import TryFailed
+from frida_painter.provenance import identify_here
+from frida_painter_lab.sweeps.engine import Engine, TaskLimits, slots_here
+from frida_painter_lab.sweeps.sweep_folder import RunFolder
+
+Value = str | int | float | bool | None
+Row = Mapping[str, Value]
+Labels = Mapping[str, str | int]
+"""Labels that distinguish a run from the others: the first columns of its row in the table of results."""
+_LIMITS = TaskLimits(seconds=6 * 3600.0, threads=1, memory=1500, tries=2)
+_KEY = 20  # hexadecimal digits
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress of an experiment.
+
+    share: of the work that is done, in [0, 1]
+    doing: current work in words
+    """
+
+    share: float
+    doing: str
+
+
+Notify = Callable[[Progress], None]
+
+
+def silent(progress: Progress) -> None:
+    """Ignores progress."""
+
+
+def within(notify: Notify, first: float, last: float) -> Notify:
+    """Returns a listener for a part that takes an experiment from share `first` to share `last`."""
+    return lambda progress: notify(Progress(first + (last - first) * progress.share, progress.doing))
+
+
+@dataclass(frozen=True)
+class ResultTable:
+    """Table of results.
+
+    title: above the table
+    rows: all with the columns of the first one
+    notes: sentences below it
+    """
+
+    title: str
+    rows: Sequence[Row]
+    notes: Sequence[str] = ()
+
+    def markdown(self) -> str:
+        """Returns the table in Markdown, numbers at the right and with four significant digits."""
+        columns = tuple(self.rows[0]) if self.rows else ()
+        numeric = {name: all(_is_number(row[name]) for row in self.rows) for name in columns}
+        lines = [
+            _line(columns),
+            _line(["---:" if numeric[name] else "---" for name in columns]),
+            *(_line([format_value(row[name]) for name in columns]) for row in self.rows),
+            *([""] if self.notes else []),
+            *self.notes,
+        ]
+        return f"**{self.title}**\n\n" + "\n".join(lines) + "\n"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Outcome of an experiment.
+
+    name: of the command
+    title: one line for people
+    settings: all that the runs share, and the seeds
+    tables: results
+    notes: sentences that explain the tables
+    pictures: sRGB [3, H, W] in [0, 1], by the name of the file without its ending
+    """
+
+    name: str
+    title: str
+    settings: Mapping[str, Value | Sequence[Value]]
+    tables: Sequence[ResultTable]
+    notes: Sequence[str] = ()
+    pictures: Mapping[str, Tensor] = field(default_factory=dict)
+
+    def markdown(self) -> str:
+        """Returns the outcome as a Markdown page."""
+        parts = [f"# {self.title}\n", *(f"{note}\n" for note in self.notes)]
+        parts += [f"![{name.replace('-', ' ')}]({name}.png)\n" for name in self.pictures]
+        parts += [table.markdown() for table in self.tables]
+        told = {name: ", ".join(map(format_value, _as_list(value))) for name, value in self.settings.items()}
+        return "\n".join([*parts, "Settings: " + "; ".join(f"{name} {value}" for name, value in told.items())]) + "\n"
+
+    def record(self) -> dict[str, Any]:
+        """Returns the outcome as plain values; numbers that are not finite become null."""
+        return {
+            "format": "frida-painter experiment",
+            "experiment": self.name,
+            "title": self.title,
+            "settings": {name: value if _is_plain(value) else _as_list(value) for name, value in self.settings.items()},
+            "notes": list(self.notes),
+            "tables": [
+                {"title": table.title, "rows": [{name: _finite(row[name]) for name in row} for row in table.rows]}
+                for table in self.tables
+            ],
+            "pictures": [f"{name}.png" for name in self.pictures],
+        }
+
+    def save(self, folder: Path) -> None:
+        """Writes table.json, table.md and the pictures to `folder`. Raises StorageError."""
+        for name, picture in self.pictures.items():
+            images.save(picture, folder / f"{name}.png")
+        storage.write_text(folder / "table.md", self.markdown())
+        storage.write_json(folder / "table.json", self.record())
+
+
+def format_value(value: Value) -> str:
+    """Returns a value of a table as people read it."""
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else str(value).replace("|", r"\|")
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _is_number(value: Value) -> bool:
+    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
+
+
+def _is_plain(value: Value | Sequence[Value]) -> bool:
+    return value is None or isinstance(value, str | int | float)
+
+
+def _as_list(value: Any) -> list[Value]:
+    return [value] if _is_plain(value) else list(value)
+
+
+def _finite(value: Value) -> Value:
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@cache
+def _identify_program() -> str:
+    return identify_here()
+
+
+@dataclass(frozen=True)
+class Run:
+    """Run of an experiment.
+
+    labels: distinguish it from the others
+    depends_on: plain values that determine its measurement, besides the labels
+    """
+
+    labels: Labels
+    depends_on: Mapping[str, object] = field(default_factory=dict)
+
+    def __getitem__(self, label: str) -> str:
+        """Returns a label as text."""
+        return str(self.labels[label])
+
+    @property
+    def key(self) -> str:
+        """Hash of everything that determines the measurement, with this program, its libraries and plug-ins."""
+        everything = [_identify_program(), dict(self.labels), dict(self.depends_on)]
+        return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:_KEY]
+
+    @property
+    def words(self) -> str:
+        """Description of the run for people."""
+        told = (f"seed {value}" if label == "seed" else str(value) for label, value in self.labels.items())
+        return ", ".join(filter(None, told))
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Measurement of a run: numbers by name, pictures [3, H, W] by name, and sentences about it."""
+
+    numbers: Mapping[str, float]
+    pictures: Mapping[str, Tensor] = field(default_factory=dict)
+    remarks: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class Results:
+    """Measurements of all runs, in order, with their labels."""
+
+    found: Sequence[tuple[Labels, Measurement]]
+
+    def having(self, **labels: str | int) -> list[Measurement]:
+        """Returns the measurements of the runs with these labels."""
+        return [found for its, found in self.found if all(its[name] == value for name, value in labels.items())]
+
+    def one(self, **labels: str | int) -> Measurement:
+        """Returns the measurement of the only run with these labels."""
+        (found,) = self.having(**labels)
+        return found
+
+    def values(self, number: str, **labels: str | int) -> list[float]:
+        """Returns one of the numbers for all runs with these labels."""
+        return [found.numbers[number] for found in self.having(**labels)]
+
+    def mean(self, number: str, **labels: str | int) -> float:
+        """Returns the mean of `values`."""
+        return float(np.mean(self.values(number, **labels)))
+
+    def rows(self) -> tuple[Row, ...]:
+        """Returns a table with a row for every run: its labels and its numbers."""
+        return tuple({**labels, **found.numbers} for labels, found in self.found)
+
+    def means(self, label: str) -> tuple[Row, ...]:
+        """Returns a table with a row for every value of a label: the means of all numbers."""
+        values = dict.fromkeys(its[label] for its, _ in self.found)
+        names = list(self.found[0][1].numbers)
+        return tuple({label: value, **{name: self.mean(name, **{label: value}) for name in names}} for value in values)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """Experiment: a question with its runs, the measure of a run, and tables, sentences and pictures of all.
+
+    NAME: of its command and its folder
+    TITLE: one line for people
+    SHARING: label; runs that differ only in this label share work, and one process measures them
+
+    brush: brush of the project
+    quick: True for the least work that runs every step; the figures then mean nothing
+    """
+
+    NAME: ClassVar[str]
+    TITLE: ClassVar[str]
+    SHARING: ClassVar[str] = ""
+
+    brush: str = "broad"
+    quick: bool = False
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Returns the options alone; another process computes the rest again."""
+        return {one.name: getattr(self, one.name) for one in fields(self)}
+
+    @property
+    def heading(self) -> str:
+        """One line for people."""
+        return self.TITLE
+
+    def prepare(self, notify: Notify) -> Self:
+        """Returns the experiment with all that its runs share, such as a stroke library."""
+        return self
+
+    def runs(self) -> Sequence[Run]:
+        """Returns the runs."""
+        raise NotImplementedError
+
+    def measure(self, run: Run, notify: Notify) -> Measurement:
+        """Does and measures one run, and reports its progress."""
+        raise NotImplementedError
+
+    def settings(self) -> Mapping[str, Value | Sequence[Value]]:
+        """Returns all that the runs share, and the seeds."""
+        return {"brush": self.brush}
+
+    def tables(self, results: Results) -> Sequence[ResultTable]:
+        """Returns the tables of all runs."""
+        return [ResultTable("All runs", results.rows())]
+
+    def notes(self, results: Results) -> Sequence[str]:
+        """Returns sentences on the tables, for any result."""
+        return ()
+
+    def pictures(self, results: Results) -> Mapping[str, Tensor]:
+        """Returns pictures by the names of their files."""
+        return {}
+
+    @cached_property
+    def all_runs(self) -> Sequence[Run]:
+        """Runs, computed once."""
+        return self.runs()
+
+    def report(self, results: Results) -> Outcome:
+        """Returns the outcome of all measurements."""
+        tables, notes = self.tables(results), self.notes(results)
+        return Outcome(self.NAME, self.heading, self.settings(), tables, notes, self.pictures(results))
+
+    def run(self, keep: Path | None = None, notify: Notify = silent) -> Outcome:
+        """Does every run that is not in `keep`, in this process, and returns the outcome.
+
+        keep: folder that keeps finished runs in case of an interruption; None to keep nothing
+        notify: hears the progress
+
+        Raises the errors of `measure`, and StorageError.
+        """
+        found, count = [], len(self.all_runs)
+        for number, run in enumerate(self.all_runs):
+            telling = within(notify, number / count, (number + 1) / count)
+            found.append((run.labels, self.measure_or_load(run, keep, telling)))
+        return self.report(Results(found))
+
+    def run_in_processes(self, keep: Path, notify: Notify, jobs: int | None = None) -> Outcome:
+        """Does as many runs at once as cores and memory allow; with one, in this process.
+
+        keep: folder of finished runs
+        jobs: greatest number of runs at once; None for no limit
+
+        Raises TryFailed if runs failed, after all others are measured.
+        """
+        shares = [Share(self, numbers, str(keep)) for numbers in self.shares(keep)]
+        slots = min(slots_here(_LIMITS, jobs), len(shares))
+        if slots > 1:
+            total, failures = len(self.all_runs), list[str]()
+            left = sum(len(share.numbers) for share in shares)
+            notify(Progress((total - left) / total, f"{slots} at the same time"))
+            for ended in Engine(_LIMITS, slots).run(measure_share, shares):
+                left -= len(ended.task.numbers)
+                if ended.error is not None:
+                    failures.append(f"{self.all_runs[ended.task.numbers[0]].words}: {ended.error}")
+                notify(Progress((total - left) / total, f"{total - left} of {total} runs, {slots} at a time"))
+            if failures:
+                raise TryFailed(
+                    f"{len(failures)} parts of the experiment failed, the first is {failures[0]} Run the command again "
+                    "to try them once more; the others are kept."
+                )
+        return self.run(keep, notify)
+
+    def shares(self, keep: Path) -> list[tuple[int, ...]]:
+        """Returns the numbers of the runs that are not in `keep`, grouped by shared work."""
+        found: dict[str, list[int]] = {}
+        for number, run in enumerate(self.all_runs):
+            if _load(keep, run) is None:
+                rest = {name: value for name, value in run.labels.items() if name != self.SHARING}
+                found.setdefault(json.dumps(rest), []).append(number)
+        return [tuple(numbers) for numbers in found.values()]
+
+    def measure_or_load(self, run: Run, keep: Path | None, notify: Notify) -> Measurement:
+        """Returns the measurement of a run, from `keep` if it is there. Raises StorageError, errors of `measure`."""
+        if keep is None:
+            return self.measure(run, notify)
+        with RunFolder(keep, run.key).lock():
+            measured = _load(keep, run)
+            if measured is None:
+                measured = self.measure(run, notify)
+                self.keep(run, keep, measured)
+            return measured
+
+    def keep(self, run: Run, keep: Path, measured: Measurement) -> None:
+        """Keeps a measurement in the folder of its run. Raises StorageError."""
+        place, pictures = RunFolder(keep, run.key), measured.pictures
+        for name in pictures:
+            images.save(pictures[name], place.path / f"{name}.png")
+        place.keep(
+            {
+                "key": run.key,
+                "labels": dict(run.labels),
+                "numbers": dict(measured.numbers),
+                "pictures": list(pictures),
+                "remarks": list(measured.remarks),
+            }
+        )
+
+    def finished(self, keep: Path) -> Results:
+        """Returns the measurements of the runs that are done."""
+        found = [(run.labels, _load(keep, run)) for run in self.all_runs]
+        return Results([(labels, one) for labels, one in found if one is not None])
+
+
+@dataclass(frozen=True)
+class Share:
+    """Share of an experiment: runs that one process does, one after another.
+
+    numbers: of the runs
+    keep: folder of finished runs
+    """
+
+    experiment: Experiment
+    numbers: tuple[int, ...]
+    keep: str
+
+
+def measure_share(share: Share) -> None:
+    """Does those runs of a share that are not done yet."""
+    for number in share.numbers:
+        share.experiment.measure_or_load(share.experiment.all_runs[number], Path(share.keep), silent)
+
+
+class _KeptPictures(Mapping[str, Tensor]):
+    """Pictures of a kept measurement, in 8 bits, each read when it is asked for."""
+
+    def __init__(self, folder: Path, names: Sequence[str]) -> None:
+        self._files = {name: folder / f"{name}.png" for name in names}
+
+    def __getitem__(self, name: str) -> Tensor:
+        return images.load(self._files[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    @property
+    def are_there(self) -> bool:
+        """True if all files are there."""
+        return all(file.is_file() for file in self._files.values())
+
+
+def _load(folder: Path, run: Run) -> Measurement | None:
+    """Returns a kept measurement; None if it is missing or damaged."""
+    place = RunFolder(folder, run.key)
+    record = place.record()
+    if record is None or not {"numbers", "pictures", "remarks"} <= record.keys():
+        return None
+    pictures = _KeptPictures(place.path, record["pictures"])
+    return Measurement(record["numbers"], pictures, record["remarks"]) if pictures.are_there else None

@@ -1,0 +1,308 @@
+"""Experiments that paint: every run is planned on a bare canvas and painted in the virtual studio by PaintingRun.
+
+The common settings of all paintings of an experiment are a RunSpec too. Imperfections of the studio can be removed.
+"""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar, Self, cast
+
+from torch import Tensor
+
+from frida_painter import images, storage
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.easel.kinds import OpenEasel
+from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.virtual_easel import assemble_easel
+from frida_painter.hardware.easel import Easel, Operator
+from frida_painter.hardware.faults import PlacementError
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.palette import Palette
+from frida_painter.plan import Plan
+from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
+from frida_painter.session.hand import Hand
+from frida_painter.session.observer import CanvasObserver
+from frida_painter.session.opening import planning_device
+from frida_painter.virtual.camera import CameraSpec
+from frida_painter.virtual.studio import FREE, VirtualStudio
+from frida_painter.virtual.tabletop import HandNoise, Table
+from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Run, Value
+
+EXACT = PlacementError((0.0, 0.0), 0.0)
+"""Placement of a perfectly calibrated robot."""
+_PLANNING = 0.7  # share of the time of a painting
+Tell = Callable[[float], None]
+"""Hears the share, in [0, 1], of a part of the work that is done."""
+
+
+def connect_studio(studio: VirtualStudio) -> VirtualStudio:
+    """Connects robot and camera of a studio, and returns the studio."""
+    studio.easel.robot.connect()
+    studio.easel.camera.connect()
+    return studio
+
+
+def execute(plan: Plan, easel: Easel, rows: int) -> Tensor:
+    """Paints given strokes on a bare easel and returns the photograph of the canvas, [3, rows, columns].
+
+    Raises RobotError, CameraError and their subclasses.
+    """
+    hand, observer = Hand(easel, brush_kind(plan.layers[0].brush).for_any_order), CanvasObserver(easel)
+    hand.step_aside()
+    observer.look(hand.last_motion, rows)  # at the bare canvas: learns the light of the room
+    easel.operator.fill_wells(plan.palette)
+    for action in hand.prepare(plan, 0, len(plan)):
+        hand.perform(action)
+    hand.step_aside()
+    return observer.look(hand.last_motion, rows)
+
+
+# Imperfections: some are switched off by the studio's settings, the others are removed from the open studio.
+
+_ENDLESS = 1000.0  # times the paint that a brush holds
+_COVERING = 100.0  # times the absorption and the scattering of a paint
+_AT_ONCE = 1e-3  # seconds in which paint dries
+
+
+@dataclass(frozen=True)
+class Imperfection:
+    """Imperfection of the virtual studio.
+
+    name: in tables
+    furniture: fields of StudioSettings that switch it off
+    remove: removes it from an open studio
+    """
+
+    name: str
+    furniture: Mapping[str, Any] = field(default_factory=dict)
+    remove: Callable[[VirtualStudio], None] = lambda studio: None
+
+
+class _OpaquePaint:
+    """Operator of a studio who fills the wells with paint that covers, and else does as usual."""
+
+    def __init__(self, usual: Operator, table: Table) -> None:
+        self._usual, self._table = usual, table
+
+    def fill_wells(self, palette: Palette) -> None:
+        """Fills the wells; a film with more absorption and scattering, by the same factor, keeps its colour."""
+        self._usual.fill_wells(palette)
+        self._table.paints = tuple(_COVERING * paint for paint in self._table.paints)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._usual, name)
+
+
+def _never_runs_out(studio: VirtualStudio) -> None:
+    """Multiplies the capacity of each brush: the mark depends on the remaining share, which then stays near full."""
+    for tuft in studio.tufts.values():
+        tuft.capacity *= _ENDLESS
+
+
+def _lies_flat(studio: VirtualStudio) -> None:
+    studio.canvas.tooth[...] = 0.0
+
+
+def _covers(studio: VirtualStudio) -> None:
+    opaque = _OpaquePaint(studio.easel.operator, studio.table)
+    studio.easel = replace(studio.easel, operator=cast(Operator, opaque))
+
+
+PLACEMENT = Imperfection("placement error", {"placement_error": EXACT})
+HAND = Imperfection("hand noise", {"noise": HandNoise(0.0, 0.0)})
+LOAD = Imperfection("running out", remove=_never_runs_out)
+WETNESS = Imperfection("wet mixing", {"drying_time": _AT_ONCE})
+TRANSLUCENCY = Imperfection("translucency", remove=_covers)
+TOOTH = Imperfection("canvas tooth", remove=_lies_flat)
+CAMERA = Imperfection("camera error", {"camera": CameraSpec.ideal()})
+IMPERFECTIONS = (PLACEMENT, HAND, LOAD, WETNESS, TRANSLUCENCY, TOOTH, CAMERA)
+
+
+class StudioWithout:
+    """Virtual studio without some imperfections, with access to its true canvas."""
+
+    def __init__(self, imperfections: Sequence[Imperfection] = ()) -> None:
+        self._without = imperfections
+        self._studio: VirtualStudio | None = None
+
+    def open(self, order: EaselOrder) -> OpenEasel:
+        """Opens the ordered studio. Raises ConfigError if it has no such brush."""
+        furniture = {name: value for one in self._without for name, value in one.furniture.items()}
+        studio, easel = assemble_easel(order, FREE, **furniture)
+        for one in self._without:
+            one.remove(studio)
+        self._studio = studio
+        return OpenEasel(replace(easel, operator=studio.easel.operator), studio.close)
+
+    def truth(self, rows: int) -> Tensor:
+        """Returns the true canvas, sRGB [3, rows, columns], from the front and in even light; not for the painter."""
+        assert self._studio is not None, "open comes first"
+        return self._studio.truth(rows)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudioRun(Run):
+    """Run of one painting.
+
+    spec: of the painting
+    without: imperfections that the studio lacks
+    """
+
+    spec: RunSpec
+    without: tuple[Imperfection, ...] = ()
+
+    @classmethod
+    def of(cls, labels: Mapping[str, str | int], spec: RunSpec, without: tuple[Imperfection, ...] = ()) -> Self:
+        """Returns the run of a painting, which depends on its spec and on the content of its goal's files.
+
+        Raises StorageError if a file cannot be read.
+        """
+        files = {part: [_content(item) for item in getattr(spec, part)] for part in ("goal", "initial")}
+        depends_on = {"spec": spec.record(), **files, "without": [one.name for one in without]}
+        return cls(labels, depends_on, spec=spec, without=without)
+
+
+def _content(item: GoalItem) -> list[str | float]:
+    """Returns a goal as its kind, its content (words, or the hash of a file) and its weight."""
+    content = item.value if item.path is None else storage.sha256(item.path, "a picture of the goal")
+    return [item.kind, content, item.weight]
+
+
+@dataclass(frozen=True)
+class Painted:
+    """Painting of a run. Pictures are [3, rows, columns] of the planning image.
+
+    run: that made it
+    plan: the first plan
+    planned: picture of that plan
+    photograph: of the finished canvas
+    truth: true canvas, which no camera sees
+    seconds: of the CPU, for planning
+    expected: expected picture (the canvas with the remaining plan) whenever the canvas was seen, by number of
+        strokes
+    """
+
+    run: PaintingRun
+    plan: Plan
+    planned: Tensor
+    photograph: Tensor
+    truth: Tensor
+    seconds: float
+    expected: Mapping[int, Tensor] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaintingExperiment(Experiment):
+    """Experiment whose runs are paintings.
+
+    FULL, QUICK: common settings of all paintings
+
+    seeds: the paintings are made once with each
+    scale: common settings in place of FULL or QUICK
+    encoders: networks of the goals
+    """
+
+    FULL: ClassVar[RunSpec] = RunSpec.of(strokes=100, layers=1, colors=12, effort=0.3, replans=0)
+    QUICK: ClassVar[RunSpec] = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=0)
+
+    seeds: tuple[int, ...] = (0,)
+    scale: RunSpec | None = None
+    encoders: EncoderRegistry | None = None
+
+    @cached_property
+    def common(self) -> RunSpec:
+        """Common settings of all paintings."""
+        return self.scale or (self.QUICK if self.quick else self.FULL).with_values(brush=self.brush)
+
+    @cached_property
+    def networks(self) -> EncoderRegistry:
+        """Networks of the goals."""
+        return self.encoders or EncoderRegistry(device=planning_device())
+
+    def of(
+        self,
+        labels: Mapping[str, str | int],
+        picture: Tensor,
+        goal: Sequence[Any],
+        without: tuple[Imperfection, ...] = (),
+        **changes: Any,
+    ) -> StudioRun:
+        """Returns the run that paints a goal on a canvas with the orientation of a picture [3, H, W].
+
+        labels: with its seed
+        goal: as in a TOML file, such as {"image": "photo.jpg"}
+        changes: other fields of the spec
+        """
+        canvas = self.common.canvas.orient_like(*picture.shape[1:])
+        usual = {"goal": goal, "seed": labels["seed"], "canvas": canvas, "fit": "crop", "film": False}
+        return StudioRun.of(labels, self.common.with_values(**{**usual, **changes}), without)
+
+    def settings(self) -> Mapping[str, Value | Sequence[Value]]:
+        """Returns the common settings of all paintings, and the seeds."""
+        spec = self.common
+        return {
+            "seeds": self.seeds,
+            "brush": ", ".join(spec.brush_names),
+            "canvas": str(spec.canvas),
+            "strokes": spec.strokes,
+            "colors": spec.colors,
+            "rows": spec.render_height,
+            "effort": spec.effort,
+            "looks": spec.replans,
+            "robot": "off by about 2 mm and 0.4 degrees as drawn from the seed",
+        }
+
+    def measure(self, run: Run, notify: Notify) -> Measurement:
+        """Paints and judges a run."""
+        assert isinstance(run, StudioRun)
+        measured = self.judge(run, self.paint(run, notify))
+        notify(Progress(1.0, f"{run.words}: measured"))
+        return measured
+
+    def judge(self, run: StudioRun, painted: Painted) -> Measurement:
+        """Measures a painting."""
+        raise NotImplementedError
+
+    def make_plan(self, run: StudioRun, opened: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
+        """Returns the first plan of a run, and its simulated picture [3, rows, columns]."""
+        return make_first_plan(opened, tell)
+
+    def paint(self, run: StudioRun, notify: Notify) -> Painted:
+        """Plans and paints a run. Raises WeightsError if a network is missing."""
+        expected: dict[int, Tensor] = {}
+
+        def hear(event: Event) -> None:
+            match event:
+                case StrokePainted(done, of):
+                    notify(Progress(_PLANNING + (0.99 - _PLANNING) * done / of, f"{run.words}: painting"))
+                case Planned(done=done, expected=picture):
+                    expected[done] = picture
+                case TimelapseFrame(photograph=photograph, done=done, of=of) if done < of:
+                    expected[done] = opened.planner.expected(plan.part(slice(done, None)), photograph)
+                case Looked(photograph=photograph, done=done) if done == len(plan):
+                    expected[done] = images.fit(photograph, *planned.shape[1:])
+                case _:
+                    pass
+
+        studio = StudioWithout(run.without)
+        with PaintingRun(run.spec, listeners=[hear], encoders=self.networks) as opened:
+            began = time.process_time()
+            plan, planned = self.make_plan(
+                run, opened, lambda share: notify(Progress(_PLANNING * share, f"{run.words}: planning"))
+            )
+            seconds = time.process_time() - began
+            photograph = opened.simulate(plan, studio.open).photograph
+        rows, columns = planned.shape[1:]
+        photograph, truth = (images.fit(one, rows, columns) for one in (photograph, studio.truth(rows)))
+        return Painted(opened, plan, planned, photograph, truth, seconds, expected)
+
+
+def make_first_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
+    """Returns the plan of the run's own planner, and its picture."""
+    plan = run.plan(lambda step: tell(step.iteration / step.of))
+    return plan, run.planner.expected(plan, run.planner.bare)

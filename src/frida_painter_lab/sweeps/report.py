@@ -1,0 +1,483 @@
+"""What a sweep gave: its progress, its statistics, its table, and its page (index.html).
+
+The page works from the sweep's folder without a network; its pictures are those of the runs.
+"""
+
+import math
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from frida_painter import images, registry, storage
+from frida_painter.errors import ConfigError
+from frida_painter.report.chart import Series, chart
+from frida_painter.report.page import template
+from frida_painter.session.time_left import Pace, duration
+from frida_painter_lab.sweeps.sweep_folder import TABLE, FileHashes, SweepFolder, expand_runs
+from frida_painter_lab.sweeps.sweep_spec import SweepRun, SweepSpec, Value
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+Record = Mapping[str, Any]
+
+# Progress of a sweep, and the remaining time, estimated from the ended runs and the cost of the others.
+
+
+@dataclass(frozen=True)
+class SweepProgress:
+    """Progress of a sweep.
+
+    seconds_left: None until a run has ended
+    slots: number of runs at the same time
+    """
+
+    total: int
+    done: int
+    failed: int
+    seconds_left: float | None
+    slots: int
+
+
+class Tally:
+    """Counter of a sweep's runs as they end.
+
+    slots: number of runs at the same time
+    """
+
+    def __init__(self, runs: Sequence[SweepRun], slots: int) -> None:
+        self._total, self.slots = len(runs), slots
+        self._left = sum(run.cost for run in runs)
+        self._pace = Pace()
+        self._done = self._failed = 0
+
+    def count_done(self, run: SweepRun, record: Mapping[str, Any]) -> None:
+        """Counts a finished run."""
+        self._done += 1
+        self._left -= run.cost
+        self._pace.measure(record["times"]["wall_seconds"], run.cost)
+
+    def count_failed(self, run: SweepRun) -> None:
+        """Counts a run that failed for good."""
+        self._failed += 1
+        self._left -= run.cost
+
+    @property
+    def progress(self) -> SweepProgress:
+        """Current progress."""
+        at_once = max(1, min(self.slots, self._total - self._done - self._failed))
+        seconds = self._pace.time_for(self._left) / at_once if self._pace.units else None
+        return SweepProgress(self._total, self._done, self._failed, seconds, self.slots)
+
+
+# State of a sweep, folded from its folder: during the work of another process and after it.
+
+_SHOWN = 10
+
+
+@dataclass(frozen=True)
+class SweepState:
+    """State of a sweep.
+
+    runs: all of them, in order
+    records: results of the finished runs, by key
+    failures: reasons of failed runs, by key
+    working: True if a process works on it now
+    done_before: number of runs that earlier calls had finished
+    remarks: sentences for a person
+    """
+
+    folder: Path
+    spec: SweepSpec
+    runs: tuple[SweepRun, ...]
+    records: Mapping[str, Record]
+    failures: Mapping[str, Record]
+    progress: SweepProgress
+    working: bool = False
+    done_before: int = 0
+    remarks: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """Returns the state as lines for a terminal."""
+        told = [f"{self.spec.title or self.folder.name}: {summary(self.progress, working=self.working)}"]
+        told += [f"  {describe_run(failure)}: {failure['error']}" for failure in list(self.failures.values())[:_SHOWN]]
+        if len(self.failures) > _SHOWN:
+            told.append(f"  and {len(self.failures) - _SHOWN} more that failed")
+        return told
+
+    def table(self) -> list[dict[str, Any]]:
+        """Returns a row of plain values for each run that ended, as in table.parquet; `pandas.DataFrame` takes it."""
+        ended = (self.records.get(run.key) or self.failures.get(run.key) for run in self.runs)
+        return [flat(record) for record in ended if record is not None]
+
+    def compare(self, field: str, figure: str) -> "tuple[FieldEffect, ...]":
+        """Returns the effect of a field on a figure, as the report tells it: paired runs, intervals, Holm's method.
+
+        Raises ConfigError if runs do not differ in that field, or if none has that figure.
+        """
+        done = [(run.labels, self.records[run.key]["figures"]) for run in self.runs if run.key in self.records]
+        fields, figures = {name for labels, _ in done for name in labels}, {name for _, all_ in done for name in all_}
+        for name, known, what in ((field, fields, "a field in which runs differ"), (figure, figures, "a figure")):
+            if name not in known:
+                raise ConfigError(f"{name[:40]!r} is not {what}; there are {', '.join(sorted(known)) or 'none'}.")
+        results = [Result(labels, found[figure]) for labels, found in done if figure in found]
+        return paired_tests(results, [field])
+
+
+def read_state(folder: Path) -> SweepState:
+    """Returns the state of the sweep in a folder. Raises ConfigError if there is none."""
+    place = SweepFolder(folder)
+    spec, known, slots = place.read_request()
+    return fold(place, spec, expand_runs(spec, FileHashes(known, reread=False), place.read_program()), slots)
+
+
+def fold(place: SweepFolder, spec: SweepSpec, runs: tuple[SweepRun, ...], slots: int) -> SweepState:
+    """Returns the state of these runs. slots: number of runs at the same time."""
+    tally, records, failures = Tally(runs, slots), dict[str, Record](), dict[str, Record]()
+    for run in runs:
+        kept = place.run(run.key)
+        if (record := kept.record()) is not None:
+            records[run.key] = {**record, "labels": dict(run.labels)}  # it may have been done for another sweep
+            tally.count_done(run, record)
+        elif (failure := kept.failure()) is not None:
+            failures[run.key] = failure
+            tally.count_failed(run)
+    return SweepState(place.path, spec, runs, records, failures, tally.progress, place.is_held)
+
+
+def summary(progress: SweepProgress, *, working: bool) -> str:
+    """Returns the progress in one sentence."""
+    told = f"{progress.done} of {progress.total} runs done"
+    if progress.failed:
+        told += f", {progress.failed} failed"
+    if progress.done + progress.failed >= progress.total:
+        return f"{told}."
+    if not working:
+        return f"{told}, and nobody works on it; run the sweep again to continue."
+    if progress.seconds_left is None:
+        return f"{told}."
+    return f"{told}, about {duration(progress.seconds_left)} left."
+
+
+def describe_run(failure: Mapping[str, Any]) -> str:
+    """Returns the name of a failed run: its labels."""
+    return ", ".join(f"{name} {value}" for name, value in failure["labels"].items()) or str(failure["key"])
+
+
+# Statistics of a sweep: means with confidence intervals, and paired tests between the values of a field.
+# Two runs are a pair if they differ in one field only: the same photograph, the same seed, and all other varied
+# fields. Some of many tests would be significant by chance, so that their p-values are adjusted by Holm's method.
+
+CONFIDENCE = 0.95
+_FEWEST = 3  # pairs, for a test
+
+
+@dataclass(frozen=True)
+class Result:
+    """Result of one run: the varied fields, and a figure."""
+
+    labels: Mapping[str, Value]
+    figure: float
+
+
+@dataclass(frozen=True)
+class Mean:
+    """Mean over runs with its 95 % confidence interval; for one run only the value."""
+
+    value: float
+    low: float
+    high: float
+    count: int
+
+    @classmethod
+    def of(cls, values: Sequence[float]) -> "Mean":
+        """Returns the mean with its interval, by Student's t distribution."""
+        from scipy.stats import t
+
+        mean = float(np.mean(values))
+        if len(values) < 2:
+            return cls(mean, mean, mean, len(values))
+        half = float(t.ppf((1 + CONFIDENCE) / 2, len(values) - 1) * np.std(values, ddof=1) / math.sqrt(len(values)))
+        return cls(mean, mean - half, mean + half, len(values))
+
+
+@dataclass(frozen=True)
+class FieldEffect:
+    """Effect of a field on a figure: the change from one value to another with all other fields equal.
+
+    difference: mean of second - first
+    more: number of pairs in which the second is larger
+    t, wilcoxon: p-values of the paired t-test and of Wilcoxon's signed-rank test, adjusted by Holm's method over
+        all tests of a list
+    """
+
+    field: str
+    first: Value
+    second: Value
+    difference: Mean
+    more: int
+    t: float
+    wilcoxon: float
+
+
+def means(results: Iterable[Result], field: str, series: str | None) -> dict[Value, dict[float, Mean]]:
+    """Returns the means by the value of `series` (None: all runs together), then by a numeric field, in order."""
+    groups: dict[Value, dict[float, list[float]]] = {}
+    for one in results:
+        place = one.labels.get(field)
+        if isinstance(place, int | float):
+            name = one.labels.get(series) if series is not None else None
+            groups.setdefault(name, {}).setdefault(float(place), []).append(one.figure)
+    return {
+        name: {place: Mean.of(values) for place, values in sorted(points.items())} for name, points in groups.items()
+    }
+
+
+def paired_tests(results: Sequence[Result], fields: Iterable[str]) -> tuple[FieldEffect, ...]:
+    """Returns a test for every two values of every field that have at least three pairs of runs."""
+    found = [
+        test
+        for field in fields
+        for first, second in combinations(dict.fromkeys(one.labels.get(field) for one in results), 2)
+        if (test := _test(results, field, first, second)) is not None
+    ]
+    t, wilcoxon = ([getattr(test, name) for test in found] for name in ("t", "wilcoxon"))
+    adjusted = zip(found, holm(t), holm(wilcoxon), strict=True)
+    return tuple(replace(test, t=its_t, wilcoxon=its_w) for test, its_t, its_w in adjusted)
+
+
+def holm(values: Sequence[float]) -> list[float]:
+    """Returns p-values adjusted for their number (Holm 1979)."""
+    order = sorted(range(len(values)), key=lambda index: values[index])
+    adjusted, largest = [0.0] * len(values), 0.0
+    for rank, index in enumerate(order):
+        largest = max(largest, min(1.0, (len(values) - rank) * values[index]))
+        adjusted[index] = largest
+    return adjusted
+
+
+def _test(results: Sequence[Result], field: str, first: Value, second: Value) -> FieldEffect | None:
+    from scipy.stats import ttest_rel, wilcoxon
+
+    sides: tuple[dict[object, float], dict[object, float]] = ({}, {})
+    for one in results:
+        if one.labels.get(field) in (first, second):
+            rest = tuple(sorted((name, repr(value)) for name, value in one.labels.items() if name != field))
+            sides[int(one.labels.get(field) != first)][rest] = one.figure
+    both = [key for key in sides[0] if key in sides[1]]
+    if len(both) < _FEWEST:
+        return None
+    before, after = (np.array([side[key] for key in both]) for side in sides)
+    difference = after - before
+    if not difference.any():
+        p_t = p_wilcoxon = 1.0
+    else:
+        with warnings.catch_warnings():  # of differences that are all equal
+            warnings.simplefilter("ignore", RuntimeWarning)
+            p_t, p_wilcoxon = float(ttest_rel(after, before).pvalue), float(wilcoxon(difference).pvalue)
+    return FieldEffect(
+        field, first, second, Mean.of(difference.tolist()), int((difference > 0).sum()),
+        0.0 if math.isnan(p_t) else p_t, p_wilcoxon,
+    )  # fmt: skip
+
+
+REPORT_PAGE = "index.html"
+_FIGURES = {
+    "plan": ("plan dB", "loss of the plan"),
+    "painting": ("painting dB", "sim2real error"),
+    "evaluation": ("painting dB", "sim2real error"),
+}
+"""Figures of a report by the kind of run; the first one that the runs have is used."""
+_MAX_PICTURES = 200
+_MAX_FAILURES = 50
+_MAX_SERIES = 5
+_SEED = "seed"
+
+
+@dataclass(frozen=True)
+class _Picture:
+    """Picture of a run on the contact sheet."""
+
+    file: str
+    caption: str
+
+
+def write_report(state: SweepState) -> Path:
+    """Writes the results: contact sheet, curves with confidence intervals, paired tests. Raises StorageError."""
+    figure = figure_of(state)
+    results = [] if figure is None else results_of(state, figure)
+    varied = [name for name in state.spec.axes if len({repr(run.labels.get(name)) for run in state.runs}) > 1]
+    charts = [] if figure is None else _charts(state, results, varied, figure)
+    tests = paired_tests(results, [name for name in varied if name != _SEED])
+    path = state.folder / REPORT_PAGE
+    storage.write_text(path, _page(state, _contact_sheet(state, varied, figure), charts, tests, figure or ""))
+    return path
+
+
+def figure_of(state: SweepState) -> str | None:
+    """Returns the figure by which the runs are compared; None if no run has one."""
+    known = {name for record in state.records.values() for name in record["figures"]}
+    return next((name for name in _FIGURES[state.spec.kind] if name in known), None)
+
+
+def results_of(state: SweepState, figure: str) -> list[Result]:
+    """Returns that figure of the runs that have it."""
+    return [
+        Result(run.labels, state.records[run.key]["figures"][figure])
+        for run in state.runs
+        if figure in state.records.get(run.key, {}).get("figures", {})
+    ]
+
+
+def _page(
+    state: SweepState, pictures: Sequence[_Picture], charts: Sequence[str], tests: Sequence[FieldEffect], figure: str
+) -> str:
+    progress = state.progress
+    failures = [(describe_run(failure), failure["error"]) for failure in state.failures.values()]
+    seconds = sum(record["times"]["cpu_seconds"] for record in state.records.values())
+    facts: list[tuple[str, str]] = [("Kind of run", state.spec.kind)]
+    for name in state.spec.axes:
+        values = dict.fromkeys(run.labels.get(name) for run in state.runs)
+        facts.append((name, ", ".join(map(_format_value, values))))
+    facts.append(("CPU time", duration(seconds)))
+    html = template("sweep.html").render(
+        title=state.spec.title or state.folder.name,
+        summary=summary(progress, working=state.working),
+        facts=[(name, value if len(value) <= 400 else f"{value[:397]}...") for name, value in facts],
+        failures=failures[:_MAX_FAILURES],
+        more_failures=max(0, len(failures) - _MAX_FAILURES),
+        pictures=pictures,
+        left_out=max(0, len(state.records) - len(pictures)) if pictures else 0,
+        charts=charts,
+        tests=[_row(test) for test in tests],
+        figure=figure,
+    )
+    return html.encode("utf-8", "replace").decode("utf-8")
+
+
+def _contact_sheet(state: SweepState, varied: Sequence[str], figure: str | None) -> list[_Picture]:
+    """Returns the pictures of the runs in order; an even selection of very many."""
+    done = [run for run in state.runs if run.key in state.records]
+    name = "plan.png" if state.spec.kind == "plan" else "painting.png"
+    found = []
+    for run in done[:: -(-len(done) // _MAX_PICTURES) or 1]:
+        value = state.records[run.key]["figures"].get(figure)
+        told = "" if value is None else f": {value:.4g}"
+        found.append(_Picture(f"runs/{run.key}/{name}", f"{_words(run, varied)}{told}"))
+    return found
+
+
+def _charts(state: SweepState, results: Sequence[Result], varied: Sequence[str], figure: str) -> list[str]:
+    """Writes a chart for every varied numeric field; returns the file names.
+
+    A chart has a line for each value of another varied field with few values, if there is one.
+    """
+    made = []
+    for number, field in enumerate(name for name in varied if name != _SEED):
+        values = {one.labels.get(field) for one in results}
+        if len(values) < 2 or not all(isinstance(value, int | float) for value in values):
+            continue
+        others = [name for name in varied if name not in (field, _SEED)]
+        few = (name for name in others if 2 <= len({one.labels.get(name) for one in results}) <= _MAX_SERIES)
+        found = means(results, field, next(few, None))
+        lines = [_series("all runs" if name is None else _format_value(name), points) for name, points in found.items()]
+        above = all(min(line.low) > 0 for line in lines)
+        picture = chart(
+            f"{figure} by {field}", field, f"{figure}; bars: 95 % confidence of the mean", lines, logarithmic=above
+        )
+        name = f"chart-{number}.png"
+        images.save(picture, state.folder / name)
+        made.append(name)
+    return made
+
+
+def _series(name: str, points: dict[float, Mean]) -> Series:
+    mean, low, high = ([getattr(one, part) for one in points.values()] for part in ("value", "low", "high"))
+    return Series(name, list(points), mean, low, high, band=False)
+
+
+def _row(test: FieldEffect) -> tuple[str, ...]:
+    change = test.difference
+    return (
+        test.field,
+        f"{_format_value(test.first)} → {_format_value(test.second)}",
+        f"{change.value:+.4g}",
+        f"{change.low:+.4g} to {change.high:+.4g}",
+        f"{test.more} of {change.count}",
+        f"{test.t:.2g}",
+        f"{test.wilcoxon:.2g}",
+    )
+
+
+def _words(run: SweepRun, varied: Sequence[str]) -> str:
+    """Returns the labels of a run that distinguish it from the others."""
+    told = [(name, run.labels.get(name)) for name in varied]
+    return (
+        ", ".join(value if isinstance(value, str) else f"{name} {_format_value(value)}" for name, value in told)
+        or run.key
+    )
+
+
+def _format_value(value: Value) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else "none" if value is None else str(value)
+
+
+# The table of a sweep in Parquet: a row for every ended run, for DuckDB, pandas, polars and others.
+# It is written again as results come in, completely or not at all, so that it can be read at any moment. Columns: the
+# varied fields by their names, "set NAME" for the other settings, figures, times, versions.
+
+
+def keep_table(state: SweepState) -> tuple[str, ...]:
+    """Writes the table of a sweep; returns a remark instead if pyarrow is not installed. Raises StorageError."""
+    if not registry.is_installed("pyarrow"):
+        return (registry.advice("table", "The table of results (Parquet)") + ".",)
+    write_table(state.folder / TABLE, state.table())
+    return ()
+
+
+def flat(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Returns a record as one row of plain values."""
+    times, labels = record.get("times", {}), record["labels"]
+    settings = {f"set {name}": value for name, value in record.get("settings", {}).items() if name not in labels}
+    goal = settings.pop("set goal", None)
+    return {
+        "key": record["key"],
+        "kind": record["kind"],
+        "status": "failed" if "error" in record else "done",
+        **labels,
+        **record.get("figures", {}),
+        **times,
+        **({} if goal is None else {"goal": "; ".join(": ".join(map(str, fact)) for fact in goal)}),
+        **settings,
+        **{f"version {name}": value for name, value in record.get("versions", {}).items()},
+        "host": record.get("host"),
+        "error": record.get("error"),
+    }
+
+
+def write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Writes rows as Parquet; a column with numbers and words becomes words. Raises StorageError."""
+    import pyarrow
+    from pyarrow import parquet
+
+    names = dict.fromkeys(name for row in rows for name in row)
+    table = pyarrow.table({name: _column([row.get(name) for row in rows]) for name in names})
+    with storage.replacing(path) as temporary:
+        parquet.write_table(table, temporary)
+
+
+def _column(values: Sequence[Any]) -> "pyarrow.Array[Any]":
+    import pyarrow
+
+    kinds = {type(value) for value in values if value is not None}
+    if kinds <= {int, float} and len(kinds) == 2:
+        return pyarrow.array(values, pyarrow.float64())
+    if len(kinds) <= 1 and kinds <= {int, float, bool, str}:
+        return pyarrow.array(values)
+    return pyarrow.array([None if value is None else str(value) for value in values], pyarrow.string())

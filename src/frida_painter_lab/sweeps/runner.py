@@ -1,0 +1,311 @@
+"""Runs a sweep from its description to its folder. Finished runs are not repeated, and a failure stops no other run."""
+
+import math
+import platform
+import re
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing, suppress
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from frida_painter import images
+from frida_painter.errors import ConfigError, PlanError, StorageError, WorkerUnfit
+from frida_painter.plan import Plan
+from frida_painter.provenance import describe_here, identify
+from frida_painter.runs.painting_folder import hash_files
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.settle import ground_of
+from frida_painter.runs.spec import RunSpec
+from frida_painter_lab.sweeps.engine import Engine, TaskLimits, slots_here
+from frida_painter_lab.sweeps.report import Record, SweepProgress, SweepState, Tally, fold, keep_table
+from frida_painter_lab.sweeps.sweep_folder import FileHashes, RunFolder, SweepFolder, expand_runs
+from frida_painter_lab.sweeps.sweep_spec import SweepRun, SweepSpec
+
+# A run in a process of an engine: plans, paints or evaluates it, and writes the results to its folder.
+# This module is loaded before the first run, so that no run waits for PyTorch.
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Run with the folder of its sweep."""
+
+    run: SweepRun
+    sweep: str
+
+
+def perform(assignment: Assignment) -> dict[str, Any]:
+    """Does a run, and returns its record, which is also in its folder. A run that is already done is only read.
+
+    A lock on the folder keeps a process that a dead driver left behind from doing the same run.
+    Raises WorkerUnfit if the program has changed since the sweep began, StorageError if nothing can be written, and
+    the errors of the run.
+    """
+    run, sweep = assignment.run, Path(assignment.sweep)
+    made_with = describe_here()
+    here = identify(made_with)
+    if here != run.program:
+        raise WorkerUnfit(f"This is {here}, and the sweep was begun with {run.program}; run it again with one of them.")
+    folder = RunFolder(sweep, run.key)
+    with folder.lock():
+        known = folder.record()
+        if known is not None:
+            return known
+        started, cpu = time.perf_counter(), time.process_time()
+        made = None if run.plan is None else Plan.load(run.plan)
+        with PaintingRun(run.spec if made is None else fix_to_plan(run.spec, made)) as opened:
+            figures = _figures(run.kind, opened, made, folder)
+        times = {
+            "cpu_seconds": time.process_time() - cpu,
+            "wall_seconds": time.perf_counter() - started,
+            "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
+        }
+        record = {
+            "key": run.key,
+            "kind": run.kind,
+            "labels": dict(run.labels),
+            "settings": {**opened.spec.record(), "goal": [list(fact) for fact in opened.spec.goal_facts]},
+            "figures": {name: value for name, value in figures.items() if math.isfinite(value)},
+            "times": times,
+            "versions": made_with,
+            "host": platform.node(),
+            "files": hash_run(folder.path),
+        }
+        folder.keep(record)
+        return record
+
+
+def hash_run(folder: Path) -> dict[str, str]:
+    """Returns the hashes of the plan and the pictures of a run by their names."""
+    return {name: found for name, found in hash_files(folder).items() if name != "result.json"}
+
+
+def fix_to_plan(spec: RunSpec, plan: Plan) -> RunSpec:
+    """Returns the spec of a painting that paints the plan without changes, on its own canvas."""
+    wells = max(end - first for first, end in (layer.paints for layer in plan.layers))
+    brushes = ",".join(layer.brush for layer in plan.layers) if len(plan.brushes) > 1 else plan.brushes[0]
+    return spec.with_values(
+        strokes=len(plan),
+        layers=None,
+        colors=wells,
+        brushes=brushes,
+        ground=ground_of(plan),
+        canvas=plan.canvas,
+        fit="crop",
+        replans=0,
+    )
+
+
+def _figures(kind: str, opened: PaintingRun, made: Plan | None, folder: RunFolder) -> Mapping[str, float]:
+    """Does the work, stores plan and pictures, and returns their figures.
+
+    made: the plan to evaluate; None to make one
+    """
+    planner, target, bare = opened.planner, opened.target, opened.planner.bare
+    plan = opened.plan() if made is None else made
+    if made is None:
+        plan.save(folder.path / "plan.json")
+    picture = planner.expected(plan, bare)
+    images.save(picture, folder.path / "plan.png")
+    figures: dict[str, float] = {"strokes planned": len(plan), "loss of the plan": planner.expected_loss(plan, bare)}
+    forecast = planner.forecast(plan, bare)
+    if forecast is not None:
+        figures["expected dB"] = forecast.expected
+    if target is not None:
+        figures["plan dB"] = psnr(picture, target)
+    if kind != "plan":
+        painting = opened.simulate(plan)
+        images.save(painting.photograph, folder.path / "painting.png")
+        seen = images.fit(painting.photograph, *picture.shape[1:])
+        figures["strokes painted"] = painting.painted
+        figures["robot seconds"] = painting.robot_seconds
+        figures["sim2real error"] = float((seen - picture).square().mean())
+        if target is not None:
+            figures["painting dB"] = psnr(seen, target)
+    return figures
+
+
+def psnr(picture: Tensor, target: Tensor) -> float:
+    """Returns the peak signal-to-noise ratio of a picture [3, H, W] to a target of any size, in dB."""
+    with torch.no_grad():
+        error = (picture - images.fit(target, *picture.shape[1:])).square().mean()
+    return float(-10 * error.clamp(min=1e-12).log10())
+
+
+MANY = 10_000
+"""Number of runs above which a person is asked first."""
+
+Notify = Callable[[SweepProgress], None]
+
+
+def sweep(
+    what: str | Path | SweepSpec | Mapping[str, Any],
+    folder: str | Path | None = None,
+    *,
+    jobs: int | None = None,
+    notify: Notify = lambda progress: None,
+    most: int | None = MANY,
+) -> SweepState:
+    """Does all runs of a sweep that are not done yet, and returns the outcome of all.
+
+    what: TOML file, or the same as a mapping, such as {"kind": "plan", "grid": {"image": ["a.jpg"], "seed": [0,
+        1]}}
+    folder: of the sweep, by default one below "sweeps"; the same one again continues the sweep
+    jobs: number of runs at the same time; by default as many as cores and memory allow
+    notify: hears the progress
+    most: greatest number of runs; None for any
+
+    A script must call it below `if __name__ == "__main__":`, because it starts processes.
+    Raises ConfigError for an invalid sweep, SweepBusy if another process works on the folder, StorageError if the
+    disk is full, WorkerUnfit if processes cannot work.
+
+        >>> import frida_painter as fp
+        >>> wanted = {"settings": {"image": "photo.jpg", "strokes": 5, "render_height": 64}, "grid": {"seed": [0, 1]}}
+        >>> if __name__ == "__main__":  # a sweep starts processes
+        ...     outcome = fp.sweep(wanted, "seeds", jobs=1)
+        ...     print(len(outcome.records), len(outcome.failures))
+        2 0
+    """
+    spec = _spec_of(what)
+    refuse_many(spec, most)
+    place = SweepFolder(Path(folder) if folder is not None else default_folder(spec))
+    limits = TaskLimits(spec.time_limit, spec.threads, spec.memory, spec.tries)
+    hashes = FileHashes(place.read_request()[1] if place.is_begun else None)
+    runs = expand_runs(spec, hashes)  # a wrong sweep is refused before its folder is made
+    with place.lock():
+        done = fold(place, spec, runs, 1).records
+        left = [run for run in runs if run.key not in done]
+        slots = max(1, min(slots_here(limits, jobs), len(left)))
+        place.keep(spec, hashes.by_path, slots)
+        failures: dict[str, Record] = {}
+        tally = Tally(runs, slots)
+        for run in runs:
+            if run.key in done:
+                tally.count_done(run, done[run.key])
+        remarks: list[str] = []
+        try:
+            if left:
+                notify(tally.progress)
+                _lead(Engine(limits, slots), place, _copied(left, place, hashes), tally, failures, notify)
+        finally:
+            found = replace(fold(place, spec, runs, slots), failures=failures, working=False)
+            remarks += keep_table(found)
+        if hashes.vanished:
+            names = ", ".join(sorted(hashes.vanished))
+            remarks.insert(0, f"{names} vanished; the copy in the sweep's folder is used.")
+        return replace(found, done_before=len(done), remarks=tuple(remarks))
+
+
+def _copied(runs: Sequence[SweepRun], place: SweepFolder, hashes: FileHashes) -> list[Assignment]:
+    """Returns the runs as tasks, with copies of their pictures in the sweep's folder."""
+    paths = dict.fromkeys(path for run in runs for path in run.pictures)
+    copies = {path: str(place.copy_of(Path(path), hashes.by_path[str(Path(path).absolute())])) for path in paths}
+    return [Assignment(run.with_pictures(copies), str(place.path)) for run in runs]
+
+
+def _lead(
+    engine: Engine,
+    place: SweepFolder,
+    tasks: Sequence[Assignment],
+    tally: Tally,
+    failures: dict[str, Record],
+    notify: Notify,
+) -> None:
+    """Lets the engine do the runs, and adds to `failures` those that failed. Raises StorageError, WorkerUnfit."""
+    with closing(engine.run(perform, tasks)) as ended:
+        for one in ended:
+            if one.error is None:
+                tally.count_done(one.task.run, one.value)
+            else:
+                failures[one.task.run.key] = _keep_failure(place, one.task.run, one.error)
+                tally.count_failed(one.task.run)
+            notify(tally.progress)
+
+
+def _keep_failure(place: SweepFolder, run: SweepRun, error: Exception) -> Record:
+    """Keeps and returns why a run failed. Raises the error if no other run could be done either."""
+    if isinstance(error, WorkerUnfit):
+        raise error
+    if isinstance(error, StorageError):
+        place.require_space()
+    failure = {
+        "key": run.key, "kind": run.kind, "labels": dict(run.labels), "error": str(error),
+        "times": {"ended": datetime.now(UTC).isoformat(timespec="milliseconds")}, "host": platform.node(),
+    }  # fmt: skip
+    with suppress(StorageError):  # another file is in place of its folder; the other runs go on
+        place.run(run.key).keep_failure(failure)
+    return failure
+
+
+def refuse_many(spec: SweepSpec, most: int | None) -> None:
+    """Raises ConfigError for more runs than `most`."""
+    if most is not None and spec.count > most:
+        raise ConfigError(f"The sweep has {spec.count:,} runs, and {most:,} are the most without --yes (most=None).")
+
+
+def default_folder(spec: SweepSpec) -> Path:
+    """Returns the default folder of a sweep."""
+    return Path("sweeps") / (re.sub(r"[^\w.]+", "-", spec.title).strip("-.") or "sweep")
+
+
+def _spec_of(what: str | Path | SweepSpec | Mapping[str, Any]) -> SweepSpec:
+    if isinstance(what, SweepSpec):
+        return what
+    return SweepSpec.of_files(dict(what), Path.cwd()) if isinstance(what, Mapping) else SweepSpec.from_toml(Path(what))
+
+
+# The best of several plans with different seeds: a small sweep before a painting.
+
+_LAST_SEED = 2**31 - 1
+_EXPECTED, _LOSS = "expected dB", "loss of the plan"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Best candidate: its spec, its plan, and a sentence that compares it."""
+
+    spec: RunSpec
+    plan: Plan
+    comparison: str
+
+
+def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None = None, notify: Notify) -> Candidate:
+    """Plans with `count` successive seeds in several processes, and returns the best.
+
+    folder: for the sweep
+
+    The criterion is the expected similarity of the painting for a photograph, and the loss of the plan otherwise.
+    Raises PlanError if no seed made a plan, and the errors of `sweep`.
+    """
+    settings = SweepRun.settings_of(spec)
+    seeds = [seed for seed in range(spec.seed, spec.seed + count) if seed <= _LAST_SEED]
+    asked = SweepSpec.of(title="candidates", kind="plan", settings=settings, grid={"seed": seeds})
+    outcome = sweep(asked, folder, jobs=jobs, notify=notify)
+    if not outcome.records:
+        first = next(iter(outcome.failures.values()))
+        raise PlanError(f"None of the {count} seeds made a plan: {first['error']}")
+    figure, found = rank_plans(spec, list(outcome.records.values()))
+    best, worst = found[0], found[-1]
+    seed = best["labels"]["seed"]
+    told = f"The best of {len(found)} seeds is {seed}: {figure} {best['figures'][figure]:.4g}"
+    if len(found) > 1:
+        told += f", the worst {worst['figures'][figure]:.4g}"
+    plan = Plan.load(outcome.folder / "runs" / best["key"] / "plan.json")
+    return Candidate(spec.with_values(seed=seed, ground=ground_of(plan)), plan, f"{told}.")
+
+
+def rank_plans(spec: RunSpec, records: Sequence[Mapping[str, Any]]) -> tuple[str, list[Mapping[str, Any]]]:
+    """Returns the figure by which the records of plans are compared, and the records, best first.
+
+    The similarity to a picture counts only if all goals are pictures. Words have an initial picture too, but the
+    loss tells if the plan shows the words.
+    """
+    pictures = all(item.kind == "image" for item in spec.goal)
+    if pictures and all(_EXPECTED in record["figures"] for record in records):
+        return _EXPECTED, sorted(records, key=lambda record: -record["figures"][_EXPECTED])
+    return _LOSS, sorted(records, key=lambda record: record["figures"][_LOSS])

@@ -1,0 +1,378 @@
+"""Jobs of the studio beside paintings: calibration, setup of a machine, teaching a stroke, making pictures from words.
+
+Each is a request of the page, a worker that does it, and a feed. Its state is computed from its feed alone.
+"""
+
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
+
+from pydantic import Field, model_validator
+
+from frida_painter.session import events, making_events, setup_events
+from frida_painter.session.events import Written
+from frida_painter_studio.painting_state import Truth
+from frida_painter_studio.picture_choosing import MAX_MAKINGS, MakingOrder
+from frida_painter_studio.studio_folder import Brush, KeptRequest, Side
+
+# Requests of the page; the worker reads them from the job's folder.
+
+Procedure = Literal["canvas", "robot", "color", "brush", "strokes"]
+PROCEDURES: tuple[Procedure, ...] = get_args(Procedure)
+StepName = Literal["canvas", "touch", "surface", "paint", "trace", "strokes"]
+SETUP_STEPS: tuple[StepName, ...] = get_args(StepName)
+"""Names of the steps, as in runs/machine_setup.py, which the web process must not load."""
+_MIN_MARKS, _MAX_MARKS = 10, 60
+_MAX_POINTS = 400  # of a mark; the page sends only those that it needs
+_Place = Annotated[float, Field(ge=-1000, le=1000, allow_inf_nan=False)]
+_Press = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+_Seconds = Annotated[float, Field(ge=0, le=600, allow_inf_nan=False)]
+_Mark = Annotated[list[tuple[_Place, _Place, _Press, _Seconds]], Field(min_length=1, max_length=_MAX_POINTS)]
+
+
+class CalibrationRequest(KeptRequest):
+    """Request for a calibration.
+
+    what: procedures, in order.
+    brush, width, height, seed: brush, canvas in mm and seed of a simulated easel.
+    count: number of strokes in the strokes procedure.
+    """
+
+    _name = "what is to be calibrated"
+
+    what: tuple[Procedure, ...] = Field(min_length=1, max_length=5)
+    brush: Brush = "broad"
+    width: Side = 14 * 25.4
+    height: Side = 11 * 25.4
+    seed: int = Field(0, ge=0, le=2**31 - 1)
+    count: int = Field(60, ge=20, le=1000)
+
+    @model_validator(mode="after")
+    def _once_and_in_order(self) -> Self:
+        if list(self.what) != [name for name in PROCEDURES if name in self.what]:
+            raise ValueError("Each procedure is done once, in the order canvas, robot, color, brush, strokes.")
+        return self
+
+    @property
+    def whole(self) -> bool:
+        """True if all procedures are requested."""
+        return self.what == PROCEDURES
+
+
+class SetupRequest(KeptRequest):
+    """Request for the setup of a machine.
+
+    easel: name of the setup that goes on; None to choose a machine.
+    width, height: of the canvas in mm; None to mark three corners.
+    brush: in the holder; None for the fine one, or that of the setup that goes on.
+    step: the one to repeat.
+    anew: True to begin from the start, even if a setup of this machine was left.
+    """
+
+    _name = "the machine to set up"
+
+    easel: str | None = Field(None, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]{0,60}$")
+    width: float | None = Field(None, ge=50, le=2000, allow_inf_nan=False)
+    height: float | None = Field(None, ge=50, le=2000, allow_inf_nan=False)
+    brush: Brush | None = None
+    step: StepName | None = None
+    anew: bool = False
+
+    @model_validator(mode="after")
+    def _has_both_sides(self) -> Self:
+        if (self.width is None) != (self.height is None):
+            raise ValueError("Give both sides of the canvas, or none: three corners are then marked.")
+        return self
+
+
+class TeachingRequest(KeptRequest):
+    """Request to learn a stroke family from marks.
+
+    name: of the family.
+    brush: that paints it.
+    marks: points (x, y, press, seconds) of each, in mm, y up.
+    count: strokes that the virtual studio paints to learn from; 0 for none.
+    """
+
+    _name = "the stroke to teach"
+
+    name: str = Field(pattern=r"^[a-z][a-z0-9-]{0,29}$")
+    brush: Brush = "fine"
+    marks: list[_Mark] = Field(min_length=_MIN_MARKS, max_length=_MAX_MARKS)
+    count: int = Field(40, ge=0, le=200)
+
+
+# States, computed from feeds.
+
+
+@dataclass
+class JobState:
+    """State of a job.
+
+    question: open question, in the form of web/painter.py.
+    progress: in words.
+    trouble: sentence about the last error.
+    ended: False from its beginning until it has said how it ended.
+    version: number that grows with every event.
+
+    name: of its folder, its routes and its topic, and the worker's name for it.
+    request: form of its request. `started` and `ends`: its own first and last events.
+    process, remedy: words about a process that vanished.
+    moves: "always" if it moves a machine at every easel, "easel" if it moves the studio's, "never".
+    """
+
+    name: ClassVar[str]
+    request: ClassVar[type[KeptRequest]]
+    started: ClassVar[type[Written]]
+    ends: ClassVar[type[Written] | tuple[type[Written], ...]] = ()
+    process: ClassVar[str]
+    remedy: ClassVar[str]
+    moves: ClassVar[Literal["always", "easel", "never"]] = "never"
+
+    question: dict[str, Any] | None = None
+    progress: str = ""
+    trouble: str = ""
+    stopped: bool = False
+    ended: bool = True
+    version: int = 0
+
+    @classmethod
+    def begin(cls, request: Any) -> tuple[str, Written]:
+        """Returns the begin of a job in words for the studio's record, and its first event."""
+        raise NotImplementedError
+
+    def hear(self, event: Written, at: datetime | None = None) -> None:
+        """Updates the state by an event; other events change nothing."""
+        self.version += 1
+        match event:
+            case events.ProcedureProgress(words):
+                self.progress = words
+            case events.Asked(question):
+                self.question = question
+            case events.Answered():
+                self.question = None
+            case events.Failed(reason):
+                self.trouble = reason
+            case events.Stopped():
+                self.stopped = True
+            case _ if isinstance(event, self.started):
+                self.progress, self.trouble, self.stopped, self.ended, self.question = "", "", False, False, None
+        if isinstance(event, (events.Failed, events.Stopped, self.ends)):
+            self.ended, self.question = True, None
+        self._hear(event)
+
+    def to_plain(self, truth: Truth) -> dict[str, Any]:
+        """Returns the state as plain values; a process that ended without an event is reported as an error."""
+        said = f"The process that {self.process} ended in the middle of its work, without saying why."
+        return {
+            "version": self.version,
+            "working": truth.working,
+            "question": self.question if truth.working else None,
+            "progress": self.progress if truth.working else "",
+            "stopped": self.stopped,
+            "trouble": self.trouble or truth.explain(self.ended, said, self.remedy),
+            **self._details(truth.working),
+        }
+
+    def _hear(self, event: Written) -> None:
+        """Updates the details of this kind of job."""
+
+    def _details(self, working: bool) -> dict[str, Any]:
+        """Returns the details of this kind of job as plain values."""
+        return {}
+
+
+@dataclass
+class ProcedureState:
+    """State of one procedure in this or the last calibration.
+
+    status: "", "waiting", "busy", "done", "failed" or "stopped".
+    sentence, picture: its result.
+    dated: date of its entry in the record, None if there is none.
+    fault: reason to repeat it.
+    old: True if it is old.
+    """
+
+    name: str
+    status: str = ""
+    sentence: str = ""
+    picture: str | None = None
+    dated: str | None = None
+    fault: str = ""
+    old: bool = False
+
+
+@dataclass
+class Calibration(JobState):
+    """State of all procedures of an easel."""
+
+    name, request, started = "calibration", CalibrationRequest, events.CalibrationStarted
+    process, remedy, moves = "calibrated", "Run the procedure again.", "easel"
+
+    easel: str = ""
+    procedures: dict[str, ProcedureState] = field(
+        default_factory=lambda: {name: ProcedureState(name) for name in PROCEDURES}
+    )
+
+    @classmethod
+    def begin(cls, request: CalibrationRequest) -> tuple[str, Written]:
+        """Returns the begin in words, and the first event."""
+        return f"calibrate {', '.join(request.what)}", events.CalibrationStarted(list(request.what))
+
+    def _hear(self, event: Written) -> None:
+        named = getattr(event, "name", "")
+        each = self.procedures.get(named, ProcedureState(named))  # another version may know more procedures
+        match event:
+            case events.CalibrationStarted(what):
+                for known in self.procedures.values():
+                    known.status = "waiting" if known.name in what else ""
+            case events.CalibrationStatus(easel, procedures):
+                self.easel = easel
+                for stands in procedures:
+                    known = self.procedures.get(str(stands.get("name")), each)
+                    known.dated, known.fault = stands.get("dated"), stands.get("fault", "")
+                    known.old = stands.get("old", False)
+            case events.ProcedureBegan() if named in self.procedures:
+                each.status, self.progress = "busy", ""
+            case events.ProcedureFound(_, sentence, picture):
+                each.sentence, each.picture, each.status = sentence, picture, "done"
+            case events.Failed() | events.Stopped():
+                self._end("failed" if isinstance(event, events.Failed) else "stopped")
+        self.ended = not any(known.status in ("waiting", "busy") for known in self.procedures.values())
+
+    def _end(self, how: str) -> None:
+        for each in self.procedures.values():
+            each.status = {"busy": how, "waiting": ""}.get(each.status, each.status)
+
+    def _details(self, working: bool) -> dict[str, Any]:
+        ended = {} if working else {"busy": "failed", "waiting": ""}
+        procedures = [asdict(each) for each in self.procedures.values()]
+        return {
+            "easel": self.easel,
+            "procedures": [each | {"status": ended.get(each["status"], each["status"])} for each in procedures],
+        }
+
+
+_MAX_REMARKS = 6
+
+
+@dataclass
+class Setup(JobState):
+    """State of the setup of a machine.
+
+    stands: machine, steps and table, in the form of `SetupStands`; None before a machine was chosen.
+    step: name of the current step, "" before the first one.
+    facts: what the controller told, in the form of `MachineTold`.
+    remarks: the newest sentences of the setup.
+    written: files and commands of the finished setup, in the form of `SetupWritten`.
+    left: sentence about a setup that was left.
+    """
+
+    name, request, started = "setup", SetupRequest, setup_events.SetupStarted
+    ends = (setup_events.SetupWritten, setup_events.SetupLeft)
+    process, remedy, moves = "set up the machine", "Continue the setup.", "always"
+
+    stands: dict[str, Any] | None = None
+    step: str = ""
+    facts: list[dict[str, str]] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+    written: dict[str, Any] | None = None
+    left: str = ""
+
+    @classmethod
+    def begin(cls, request: SetupRequest) -> tuple[str, Written]:
+        """Returns the begin in words, and the first event."""
+        return f"set up {request.easel or 'a machine'}", setup_events.SetupStarted()
+
+    def _hear(self, event: Written) -> None:
+        match event:
+            case setup_events.SetupStarted():
+                self.step, self.facts, self.remarks, self.written, self.left = "", [], [], None, ""
+            case setup_events.SetupStands():
+                self.stands = asdict(event)
+            case setup_events.SetupStepBegan(name):
+                self.step, self.remarks = name, []
+            case setup_events.MachineTold(facts):
+                self.facts = facts
+            case events.Remark(sentence):
+                self.remarks = [*self.remarks, sentence][-_MAX_REMARKS:]
+            case setup_events.SetupWritten():
+                self.written = asdict(event)
+            case setup_events.SetupLeft(sentence):
+                self.left = sentence
+
+    def _details(self, working: bool) -> dict[str, Any]:
+        told = {name: getattr(self, name) for name in ("stands", "facts", "remarks", "written", "left")}
+        return {**told, "step": self.step if working else ""}
+
+
+@dataclass
+class Teaching(JobState):
+    """State of teaching a stroke.
+
+    family: name of the family that is being learned, or was learned last.
+    taught: families that were learned here, by name: sentence, brush and picture of each.
+    """
+
+    name, request, started, ends = "teaching", TeachingRequest, events.TeachingStarted, events.FamilyTaught
+    process, remedy = "learned the stroke", "Teach it again."
+
+    family: str = ""
+    taught: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    @classmethod
+    def begin(cls, request: TeachingRequest) -> tuple[str, Written]:
+        """Returns the begin in words, and the first event."""
+        return f"teach {request.name}, {len(request.marks)} marks", events.TeachingStarted(request.name)
+
+    def _hear(self, event: Written) -> None:
+        match event:
+            case events.TeachingStarted(name):
+                self.family = name
+            case events.FamilyTaught(name, brush, sentence, picture):
+                self.taught[name] = {"brush": brush, "sentence": sentence, "picture": picture}
+
+    def _details(self, working: bool) -> dict[str, Any]:
+        return {"name": self.family, "taught": self.taught}
+
+
+@dataclass
+class Imagining(JobState):
+    """State of making pictures from words.
+
+    words, maker: of the making that is at work, or was last.
+    makings: the last ones, in order.
+    """
+
+    name, request = "imagining", MakingOrder
+    started, ends = making_events.MakingStarted, making_events.PicturesMade
+    process, remedy = "made pictures", "Make them again."
+
+    words: str = ""
+    maker: str = ""
+    makings: list[making_events.PicturesMade] = field(default_factory=list)
+
+    @classmethod
+    def begin(cls, request: MakingOrder) -> tuple[str, Written]:
+        """Returns the begin in words, and the first event."""
+        said = f"make pictures by {request.label}, seed {request.seed}"
+        return said, making_events.MakingStarted(request.words, request.label)
+
+    def _hear(self, event: Written) -> None:
+        match event:
+            case making_events.MakingStarted(words, maker):
+                self.words, self.maker = words, maker
+            case making_events.PicturesMade():
+                self.makings = [*self.makings, event][-MAX_MAKINGS:]
+
+    def _details(self, working: bool) -> dict[str, Any]:
+        return {"words": self.words, "maker": self.maker, "makings": [_show(each) for each in self.makings]}
+
+
+def _show(made: making_events.PicturesMade) -> dict[str, Any]:
+    """Returns a making for the page, without the files of this machine."""
+    pictures = [{"picture": one["picture"], "seed": one["seed"]} for one in made.pictures]
+    return {**asdict(made), "pictures": pictures}
+
+
+JOBS: dict[str, type[JobState]] = {job.name: job for job in (Calibration, Setup, Teaching, Imagining)}

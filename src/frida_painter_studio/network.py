@@ -1,0 +1,342 @@
+"""Limits of the web server: connections, locks, requests, and the certificate.
+
+Clients that open connections and send nothing cannot block others. If there are too many connections, those that
+have waited longest for a request are cut.
+"""
+
+import asyncio
+import contextlib
+import os
+import resource
+import socket
+import ssl
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol, Self
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from frida_painter import locks
+from frida_painter.errors import ConfigError, StorageError
+from frida_painter_studio.commands import Role
+from frida_painter_studio.security import Session, refuse
+
+_BETWEEN_SWEEPS = 0.5  # seconds
+_MAX = 400
+
+
+class Waiting(Protocol):
+    """Protocol (asyncio) that knows since when it waits for a whole request, None while it serves one."""
+
+    waiting_since: float | None
+
+
+@dataclass(eq=False)
+class _Connection:
+    """One connection; the transport is None until the TLS handshake is done."""
+
+    socket: socket.socket
+    since: float
+    task: asyncio.Task[None] | None = None
+    transport: asyncio.Transport | None = None
+    protocol: Waiting | None = None
+    closing_since: float | None = None
+
+    @property
+    def waiting_since(self) -> float | None:
+        return self.since if self.protocol is None else self.protocol.waiting_since
+
+    def cut(self) -> None:
+        if self.transport is not None:
+            self.transport.abort()
+        elif self.task is not None:
+            self.task.cancel()
+        # Shut down at once, because a cancelled connection keeps its file until the loop handles it.
+        with contextlib.suppress(OSError):
+            self.socket.shutdown(socket.SHUT_RDWR)
+
+
+class Connections:
+    """Accepts the connections of one listening socket, until the task of `accept` is cancelled.
+
+    make: returns a new protocol for each connection.
+    most: largest number of connections.
+    patience: seconds within which a whole request must arrive, from the connection or from the last answer on.
+    tls: encryption, if any.
+    """
+
+    def __init__(
+        self,
+        listening: socket.socket,
+        make: Callable[[], asyncio.Protocol],
+        *,
+        most: int,
+        patience: float,
+        tls: ssl.SSLContext | None = None,
+    ) -> None:
+        self._listening, self._make, self._most, self._patience, self._tls = listening, make, most, patience, tls
+        self._open: list[_Connection] = []
+
+    async def accept(self) -> None:
+        """Accepts connections until it is cancelled."""
+        loop = asyncio.get_running_loop()
+        self._listening.setblocking(False)
+        sweeping = loop.create_task(self._sweep())
+        try:
+            while True:
+                try:
+                    taken, _ = await loop.sock_accept(self._listening)
+                except OSError:  # no file descriptor is left, or the client is gone
+                    self._make_room(len(self._open) // 2)
+                    await asyncio.sleep(0.02)
+                    continue
+                if self._make_room(self._most - 1):
+                    connection = _Connection(taken, loop.time())
+                    self._open.append(connection)
+                    connection.task = loop.create_task(self._begin(connection))
+                else:
+                    taken.close()
+        finally:
+            sweeping.cancel()
+
+    async def _begin(self, connection: _Connection) -> None:
+        loop = asyncio.get_running_loop()
+        patience = {} if self._tls is None else {"ssl_handshake_timeout": self._patience}
+        try:
+            connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            transport, protocol = await loop.connect_accepted_socket(
+                self._make, connection.socket, ssl=self._tls, **patience
+            )
+            connection.transport, connection.protocol = transport, protocol  # type: ignore[assignment]
+        except (OSError, asyncio.CancelledError):
+            connection.socket.close()
+
+    def _make_room(self, most: int) -> bool:
+        """Cuts the longest waiting connections until at most `most` are left; returns True if that was possible."""
+        if len(self._open) > most:
+            self._open = [each for each in self._open if each.socket.fileno() >= 0]
+        if (over := len(self._open) - most) <= 0:
+            return True
+        waiting = [(since, each) for each in self._open if (since := each.waiting_since) is not None]
+        gone = {each for _, each in sorted(waiting, key=lambda pair: pair[0])[:over]}
+        for each in gone:
+            each.cut()
+        self._open = [each for each in self._open if each not in gone]
+        return len(gone) == over
+
+    async def _sweep(self) -> None:
+        """Cuts connections that have waited too long."""
+        loop = asyncio.get_running_loop()
+        while True:
+            await asyncio.sleep(_BETWEEN_SWEEPS)
+            self._open = [each for each in self._open if each.socket.fileno() >= 0]
+            now = loop.time()
+            for each in self._open:
+                if each.closing_since is None and each.transport is not None and each.transport.is_closing():
+                    each.closing_since = now  # the client may never read the rest
+                waits = [since for since in (each.waiting_since, each.closing_since) if since is not None]
+                if waits and now - min(waits) > self._patience:
+                    each.cut()
+
+
+def most_connections() -> int:
+    """Returns the largest number of connections of a server; at least half of its file descriptors stay free."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return _MAX if files == resource.RLIM_INFINITY else max(16, min(_MAX, files // 2))
+
+
+# Locks on a studio's folder, held by each open studio and by the one listener for stops.
+
+_ENDS_WITHIN = 5.0  # seconds
+
+
+class WebAppLock:
+    """Lock that all open studios of a folder share; a listener for stops takes it alone before it ends."""
+
+    def __init__(self, folder: Path, name: str = ".studio") -> None:
+        self._path = folder / name
+        self._file = locks.open_lock(self._path)
+
+    def share(self) -> None:
+        """Takes the lock together with others, once a listener that has it alone has ended. Raises StorageError."""
+        if not locks.take(self._file, _ENDS_WITHIN, shared=True):
+            raise StorageError(
+                f"{self._path} is locked by another process, which does not let go; end that process, or choose "
+                "another folder with --folder."
+            )
+
+    def take_alone(self) -> bool:
+        """Takes the lock alone; returns True if nobody else held it."""
+        return locks.take(self._file)
+
+    def fileno(self) -> int:
+        """Returns the descriptor for a child process that is to hold the lock too."""
+        return self._file
+
+    def release(self) -> None:
+        """Releases the lock of this process; a child that holds it too keeps it until its end."""
+        os.close(self._file)
+
+
+# Limits of requests: bytes, time and rate, so that heavy use does not disturb the easel.
+
+MAX_UPLOAD = 32 * 2**20
+MAX_BODY = 256 * 2**10
+_PATIENCE = 30.0  # seconds for the whole body of a request, and for each part of an answer
+_MAX_AT_ONCE = {Role.watch: 12, Role.plan: 10, Role.operate: 16}  # together fewer than the threads of the pool
+_MAX_UPLOADS = 4  # bodies in memory
+
+
+class _NotRead(Exception):
+    """Signal that a client does not read its answer."""
+
+
+@dataclass
+class Bucket:
+    """Token bucket of requests: `rate` more a second, at most `most`."""
+
+    rate: float
+    most: float
+    clock: Callable[[], float] = time.monotonic
+    _left: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def take(self, who: str) -> bool:
+        """Takes one request; returns True if one was left."""
+        now = self.clock()
+        left, at = self._left.get(who, (self.most, now))
+        left = min(self.most, left + (now - at) * self.rate)
+        if len(self._left) > 1000:
+            self._left.clear()
+        self._left[who] = (max(0.0, left - 1), now)
+        return left >= 1
+
+
+class Limits:
+    """ASGI application that limits the requests to another one, and hands on whole bodies. Stops are not limited.
+
+    upload: path for bodies of up to `MAX_UPLOAD` bytes; other paths allow `MAX_BODY`.
+    Each session has a quota, and so has each role as a whole. Many sessions of a role together get no more, and
+    watchers leave a share for other roles.
+    """
+
+    def __init__(self, app: ASGIApp, upload: str) -> None:
+        self._app, self._upload = app, upload
+        # A page is about 55 files, so ten pages may open at once, as when a browser comes back with all of its tabs.
+        self._each, self._all = Bucket(rate=40, most=600), Bucket(rate=160, most=800)
+        self._busy, self._uploading = dict.fromkeys(Role, 0), 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers 408, 413, 429 or 503, or hands the request on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        session: Session = scope["state"]["session"]
+        path, role = scope["path"], session.role
+        if path == "/api/stop":
+            await self._hand_on(scope, receive, send)
+        elif not (self._each.take(session.id) and self._all.take(role.name)):
+            await refuse(429, "That was too much at once; wait a moment.")(scope, receive, send)
+        elif path == "/api/events":  # limited by seats instead
+            await self._hand_on(scope, receive, send)
+        elif self._busy[role] >= _MAX_AT_ONCE[role] or (path == self._upload and self._uploading >= _MAX_UPLOADS):
+            await refuse(503, "The studio answers many others at the moment; try again.")(scope, receive, send)
+        else:
+            self._busy[role] += 1
+            self._uploading += path == self._upload
+            try:
+                await self._hand_on(scope, receive, send)
+            finally:
+                self._busy[role] -= 1
+                self._uploading -= path == self._upload
+
+    async def _hand_on(self, scope: Scope, receive: Receive, send: Send) -> None:
+        most = MAX_UPLOAD if scope["path"] == self._upload else MAX_BODY
+        try:
+            async with asyncio.timeout(_PATIENCE):
+                body = await _read(receive, most)
+        except TimeoutError:
+            await refuse(408, "That took too long to arrive.")(scope, receive, send)
+            return
+        if body is None:
+            given = f"{most // 2**20} MB" if most >= 2**20 else f"{most // 2**10} KB"
+            await refuse(413, f"That is too large: at most {given} may be sent here.")(scope, receive, send)
+            return
+
+        async def patient(message: Message) -> None:
+            """Sends a message, unless the client does not read it in time."""
+            try:
+                async with asyncio.timeout(_PATIENCE):
+                    await send(message)
+            except TimeoutError:
+                raise _NotRead from None
+
+        with contextlib.suppress(_NotRead):
+            await self._app(scope, _replaying(body, receive), patient)
+
+
+async def _read(receive: Receive, most: int) -> bytes | None:
+    """Returns the whole body of a request; None if it is too large."""
+    body = bytearray()
+    while True:
+        message = await receive()
+        body += message.get("body", b"")
+        if len(body) > most:
+            return None
+        if message["type"] != "http.request" or not message.get("more_body", False):
+            return bytes(body)
+
+
+def _replaying(body: bytes, receive: Receive) -> Receive:
+    told = False
+
+    async def receiving() -> Message:
+        nonlocal told
+        if told:  # the next message is the disconnect
+            return await receive()
+        told = True
+        return {"type": "http.request", "body": body, "more_body": False}
+
+    return receiving
+
+
+# Certificate of a studio that is used over a network.
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Certificate (with its chain) and its private key without a passphrase, both PEM files."""
+
+    certificate: Path
+    key: Path
+
+    @classmethod
+    def from_files(cls, certificate: Path | None, key: Path | None) -> Self | None:
+        """Returns the certificate of the options, checked; None if both are missing. Raises ConfigError."""
+        if certificate is None and key is None:
+            return None
+        if certificate is None or key is None:
+            raise ConfigError("--certificate and --key belong together; give both, or neither.")
+        for path in (certificate, key):
+            if not path.is_file():
+                raise ConfigError(f"{path} is no file; --certificate and --key are PEM files.")
+        found = cls(certificate.absolute(), key.absolute())
+        found.context()
+        return found
+
+    def context(self) -> ssl.SSLContext:
+        """Returns the TLS context. Raises ConfigError if the files do not fit."""
+        context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+        try:
+            context.load_cert_chain(self.certificate, self.key, password=lambda: b"")
+        except (OSError, ssl.SSLError) as error:
+            raise ConfigError(
+                f"--certificate {self.certificate} and --key {self.key} cannot be used "
+                f"({getattr(error, 'reason', None) or error.strerror or error}); "
+                "give a PEM certificate and its own key, without a passphrase."
+            ) from error
+        return context

@@ -1,0 +1,166 @@
+"""Making of pictures from words on the page: makers that the owner allowed, the request, and the choice.
+
+The terminal that starts the studio names the makers, with their commands and addresses. A page knows only labels.
+"""
+
+import json
+import secrets
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Self
+from urllib.parse import urlsplit
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+
+from frida_painter import registry, storage
+from frida_painter.errors import ConfigError
+from frida_painter.session.making_events import PicturesMade
+from frida_painter_studio.reader import ask_reader
+from frida_painter_studio.studio_folder import MAKING_SUFFIX, KeptRequest, Side, Words
+
+MADE = "made"
+"""Folder of all makings in the folder for making pictures, each with a random name."""
+MAX_MAKINGS = 8
+"""Number of the last makings that are kept to choose from."""
+_MAX_FILE = 2**28  # bytes of a made picture
+_CLIPS = ("clip-vit-b-32", "clip-vit-l-14")
+
+
+@dataclass(frozen=True)
+class AllowedMakers:
+    """Picture makers that visitors may choose.
+
+    by_label: each maker as in `--imagine NAME:TEXT`, by the label that the page shows
+    minutes: time for the pictures of some words
+    """
+
+    by_label: Mapping[str, str] = field(default_factory=dict)
+    minutes: float = 30.0
+
+    @classmethod
+    def check(cls, makers: Sequence[str], minutes: float) -> Self:
+        """Returns the makers. A short process opens each of them once, so that this process loads no tensors.
+
+        Raises ConfigError if one cannot be opened.
+        """
+        by_label: dict[str, str] = {}
+        if makers:
+            ask_reader("makers", *makers)
+        for maker in makers:
+            label, again = label_of(maker), 1
+            while label in by_label:
+                again += 1
+                label = f"{label_of(maker)} ({again})"
+            by_label[label] = maker
+        return cls(by_label, minutes)
+
+
+def label_of(maker: str) -> str:
+    """Returns the label of a maker: its name and its program, host or network, without folders and settings."""
+    name, _, text = maker.partition(":")
+    words = text.split()
+    ends = next((at for at, word in enumerate(words) if at and (word.startswith("-") or "{" in word)), len(words))
+    shown = [_last_part(word) for word in words[: min(2, ends)]]
+    return f"{name}: {' '.join(shown)}" if shown else name
+
+
+def _last_part(word: str) -> str:
+    host = urlsplit(word).hostname if "//" in word else None
+    return host or Path(word.strip("'\"").partition(",")[0]).name
+
+
+def _require_plain(words: str) -> str:
+    """Refuses what a program could take for an option or for a file, because a visitor may type anything."""
+    if not words.isprintable():
+        raise ValueError("The words hold characters that cannot be printed; type them anew.")
+    if not words[0].isalnum():
+        raise ValueError(f"The words begin with {words[0]!r}; begin them with a letter or a digit.")
+    return words
+
+
+PlainWords = Annotated[Words, AfterValidator(_require_plain)]
+"""Words that a picture maker may be given."""
+MakerLabel = Annotated[str, Field(max_length=200)]
+
+
+class MakingRequest(BaseModel):
+    """Request for pictures of words.
+
+    maker: label of a maker.
+    seed: of the first picture.
+    width, height: of the canvas in mm.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    words: PlainWords
+    maker: MakerLabel
+    seed: int = Field(0, ge=0, le=2**31 - 1, strict=True)
+    width: Side = 14 * 25.4
+    height: Side = 11 * 25.4
+
+
+class MakingOrder(KeptRequest):
+    """Request for pictures, completed by the studio for its worker.
+
+    maker: as in `--imagine NAME:TEXT`.
+    label: of the maker.
+    """
+
+    _name = "which pictures are to be made"
+
+    words: str
+    maker: str
+    label: str
+    minutes: float
+    seed: int = 0
+    width: float = 14 * 25.4
+    height: float = 11 * 25.4
+
+    @classmethod
+    def of(cls, words: str, label: str, allowed: AllowedMakers, **more: Any) -> Self:
+        """Returns the order of a request. Raises ConfigError if its maker is not allowed here."""
+        maker = allowed.by_label.get(label)
+        if maker is None:
+            known = ", ".join(allowed.by_label)
+            advice = f"choose one of {known}" if known else "whoever starts the studio allows one with --imagine"
+            raise ConfigError(f"There is no picture maker {label[:60]!r} here; {advice}.")
+        return cls(words=words, maker=maker, label=label, minutes=allowed.minutes, **more)
+
+
+class ChosenPicture(BaseModel):
+    """Choice of a made picture, by the name of its file for the page."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    picture: str = Field(max_length=80)
+
+
+def take_picture(chosen: ChosenPicture, makings: Sequence[PicturesMade], root: Path, pictures: Path) -> dict[str, str]:
+    """Copies a made picture to the pictures for goals, with the record of its making.
+
+    root: folder in which the makings name their pictures
+
+    Returns its id, a line about it, and "yes" or "no" if a CLIP is here, which also reads the words.
+    Raises ConfigError if it is gone, StorageError.
+    """
+    found = ((making, one) for making in makings for one in making.pictures if one["picture"] == chosen.picture)
+    making, one = next(found, (None, None))
+    source = root / str(one["file"]) if one is not None else None
+    if making is None or one is None or source is None or not source.is_file():
+        raise ConfigError("This picture is gone; make pictures again.")
+    record = storage.read_json(source.parent / MAKING_SUFFIX.removeprefix("."), "the record of a making")
+    record |= {"chosen": source.name, "because": "a person chose it"}
+    identifier = secrets.token_hex(16)
+    storage.copy(source, pictures / f"{identifier}.png", "a made picture", _MAX_FILE)
+    storage.write_json(pictures / f"{identifier}{MAKING_SUFFIX}", record)
+    reads = any(registry.are_here(name) for name in _CLIPS)
+    told = f"Made from “{making.words}” by {making.maker}, seed {one['seed']}"
+    return {"id": identifier, "made": told, "read": "yes" if reads else "no"}
+
+
+def plain_fact(fact: str) -> str:
+    """Returns a fact about a maker without the folders of this machine, for everybody at the page."""
+    words = (json.dumps(word)[1:-1] if not word.isprintable() else word for word in fact.split(" "))
+    return " ".join(Path(word).name if word.lstrip("'\"").startswith("/") else word for word in words)

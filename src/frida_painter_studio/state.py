@@ -1,0 +1,232 @@
+"""States of paintings and jobs kept in memory, and their streams to browsers."""
+
+import asyncio
+import json
+from collections import OrderedDict
+from collections.abc import AsyncGenerator, Callable, Sequence
+from contextlib import aclosing
+from dataclasses import dataclass, field
+from datetime import datetime
+from threading import Lock
+from typing import Any, Protocol, TypeVar
+
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
+
+from frida_painter.session.events import Written
+from frida_painter_studio.commands import Role
+from frida_painter_studio.painting_state import Truth
+from frida_painter_studio.studio_folder import FeedReader, PaintingFolder
+
+# Cache of states, so that a feed is not read again for each request.
+
+_MAX_KEPT = 500  # states
+_MAX_READS = 5
+
+
+class Shown(Protocol):
+    """State that is computed from a feed.
+
+    version: number that grows with every event.
+    """
+
+    version: int
+
+    def hear(self, event: Written, at: datetime | None = None) -> None:
+        """Updates the state by an event that was written at that time."""
+
+    def to_plain(self, truth: Truth) -> dict[str, Any]:
+        """Returns the state as plain values."""
+
+
+Seen = TypeVar("Seen")
+
+
+class FeedStates:
+    """States of paintings and jobs; each one is computed from its feed once, then updated."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[str, tuple[FeedReader, Any, Lock]] = OrderedDict()
+        self._turn = Lock()
+
+    def current(self, folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
+        """Returns the current state as plain values; `fresh` makes an empty one."""
+        return self.view(folder, fresh, lambda state, truth: state.to_plain(truth))
+
+    def view(self, folder: PaintingFolder, fresh: Callable[[], Any], look: Callable[[Any, Truth], Seen]) -> Seen:
+        """Returns the result of `look` for the current state and the facts of the same moment."""
+        name = str(folder.path)
+        with self._turn:
+            if name not in self._kept:
+                self._kept[name] = (FeedReader(folder.feed), fresh(), Lock())
+            reader, state, turn = self._kept[name]
+            self._kept.move_to_end(name)
+            if len(self._kept) > _MAX_KEPT:
+                self._kept.popitem(last=False)
+        with turn:
+            truth, events = None, reader.read_timed()
+            # A worker takes its lock before its first event, and releases it after the last one. So state and truth
+            # agree if no event came while the truth was found.
+            for _ in range(_MAX_READS):
+                if truth is not None and not events:
+                    break
+                for event, at in events:
+                    state.hear(event, at)
+                truth, events = Truth.of(folder), reader.read_timed()
+            for event, at in events:
+                state.hear(event, at)
+            return look(state, truth or Truth.of(folder))
+
+
+# Server-sent events to browsers: always the newest state, never a queue of old ones.
+#
+# A browser has one stream for all that its pages show.
+
+MAX_WATCHERS = {Role.watch: 40, Role.plan: 20, Role.operate: 20}
+"""Largest number of streams of each role; so watchers leave streams for other roles."""
+MAX_TOPICS = 16
+_BETWEEN_TELLINGS = 0.1  # seconds
+_QUIET = 4.0  # seconds after which a keep-alive is sent
+_PATIENCE = 20.0  # seconds within which a browser must accept a message
+
+
+@dataclass(frozen=True)
+class Topic:
+    """State that pages follow.
+
+    name: its name in requests.
+    mark: returns a value that changes with the state.
+    read: returns the state.
+    every: seconds between two checks.
+    """
+
+    name: str
+    mark: Callable[[], object]
+    read: Callable[[], Any]
+    every: float = 0.06
+
+
+@dataclass
+class _Watched:
+    """Topic with watchers: its state as text, and the events that wake the watchers."""
+
+    topic: Topic
+    text: str = ""
+    watchers: set[asyncio.Event] = field(default_factory=set)
+    task: asyncio.Task[None] | None = None
+
+    async def follow(self) -> None:
+        mark: object = None
+        while True:
+            now = await asyncio.to_thread(self.topic.mark)
+            if now != mark:
+                mark = now
+                text = json.dumps(await asyncio.to_thread(self.topic.read))
+                if text != self.text:
+                    self.text = text
+                    for each in self.watchers:
+                        each.set()
+            await asyncio.sleep(self.topic.every)
+
+
+class StateStreams:
+    """Streams to browsers; each topic is read once for all of them."""
+
+    def __init__(self) -> None:
+        self._watched: dict[str, _Watched] = {}
+        self._seats = dict.fromkeys(Role, 0)
+        self._over = False
+
+    def take_seat(self, role: Role) -> bool:
+        """Takes a seat for a stream of that role; returns True if one was free."""
+        free = self._seats[role] < MAX_WATCHERS[role]
+        self._seats[role] += free
+        return free
+
+    def leave_seat(self, role: Role) -> None:
+        """Releases a seat."""
+        self._seats[role] -= 1
+
+    async def states(self, topics: Sequence[Topic]) -> AsyncGenerator[tuple[str, str], None]:
+        """Yields (name, state as text) of topics: the current states, then changes; slow readers miss some.
+
+        It yields two empty texts if nothing has changed for a while.
+        """
+        wake = asyncio.Event()
+        watched = [self._watch(topic, wake) for topic in topics]
+        told: dict[str, str] = {}
+        try:
+            while not self._over:
+                wake.clear()
+                for each in watched:
+                    if each.text and each.text != told.get(each.topic.name):
+                        told[each.topic.name] = each.text
+                        yield each.topic.name, each.text
+                try:
+                    await asyncio.wait_for(wake.wait(), _QUIET)
+                    await asyncio.sleep(_BETWEEN_TELLINGS)
+                except TimeoutError:
+                    yield "", ""
+        finally:
+            for each in watched:
+                self._leave(each, wake)
+
+    def _watch(self, topic: Topic, wake: asyncio.Event) -> _Watched:
+        watched = self._watched.setdefault(topic.name, _Watched(topic))
+        watched.watchers.add(wake)
+        if watched.task is None:
+            watched.task = asyncio.create_task(watched.follow())
+        return watched
+
+    def _leave(self, watched: _Watched, wake: asyncio.Event) -> None:
+        watched.watchers.discard(wake)
+        if not watched.watchers and watched.task is not None:
+            watched.task.cancel()
+            watched.task = None
+            self._watched.pop(watched.topic.name, None)
+
+    def end(self) -> None:
+        """Ends all streams, because the studio closes."""
+        self._over = True
+        for watched in self._watched.values():
+            for each in watched.watchers:
+                each.set()
+
+
+class EventStream(Response):
+    """Answer that streams the states of topics while the browser listens; its seat is taken already."""
+
+    media_type = "text/event-stream"
+
+    def __init__(self, streams: StateStreams, role: Role, topics: Sequence[Topic]) -> None:
+        super().__init__()
+        self._streams, self._role, self._topics = streams, role, topics
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Streams until the browser disconnects, or does not accept a message in time."""
+        gone = telling = None
+        try:
+            headers = [(b"content-type", b"text/event-stream"), (b"cache-control", b"no-store")]
+            await send({"type": "http.response.start", "status": 200, "headers": headers})
+            gone = asyncio.create_task(_tell_gone(receive))
+            telling = asyncio.create_task(self._tell(send))
+            await asyncio.wait((gone, telling), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            self._streams.leave_seat(self._role)
+            tasks = [task for task in (gone, telling) if task is not None]
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _tell(self, send: Send) -> None:
+        async with aclosing(self._streams.states(self._topics)) as states:
+            async for name, text in states:
+                body = f"event: {name}\ndata: {text}\n\n" if name else ": still here\n\n"
+                message = {"type": "http.response.body", "body": body.encode(), "more_body": True}
+                await asyncio.wait_for(send(message), _PATIENCE)
+        await send({"type": "http.response.body", "body": b"", "more_body": False})
+
+
+async def _tell_gone(receive: Receive) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass

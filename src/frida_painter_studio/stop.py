@@ -1,0 +1,364 @@
+"""Stop of all work: reports it to all workers, then writes stop files and a record.
+
+The report waits for nothing that could be blocked: no thread pool, no database, no disk. Files and record are
+written by their own threads, which may wait for a disk.
+"""
+
+import asyncio
+import contextlib
+import hashlib
+import hmac
+import json
+import os
+import queue
+import secrets
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Self
+
+from frida_painter import storage
+from frida_painter.errors import StorageError
+from frida_painter_studio.commands import Role
+from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.studio_folder import PLAN_JOB, find_job, find_work
+from frida_painter_studio.workers import QUEUE
+
+# Secrets of pages for stops: they outlive sessions and restarts of the studio, and serve for nothing else.
+
+_FILE = ".stop-key"
+_BYTES = 32
+_DAY = 86400
+_GOOD_FOR = {Role.watch: _DAY, Role.plan: _DAY, Role.operate: 30 * _DAY}  # seconds
+
+
+class StopKey:
+    """Makes and checks secrets for stops; each names a role and its end, and is signed with the studio's key.
+
+    Every role may stop: a watcher's secret ends after a day, an operator's after thirty.
+    """
+
+    def __init__(self, key: bytes) -> None:
+        self._key = key
+
+    @classmethod
+    def of(cls, folder: Path) -> Self:
+        """Returns the key of the studio with its paintings in `folder`; makes it if it is missing.
+
+        Raises StorageError.
+        """
+        path = folder / _FILE
+        try:
+            if not path.exists():
+                _make(path)
+            key = storage.read_bytes(path, "the key for stops", _BYTES)
+        except OSError as error:
+            raise StorageError(f"{path} cannot be kept ({error.strerror}); without it nobody could stop.") from error
+        if len(key) != _BYTES:
+            raise StorageError(f"{path} is damaged; delete it, and open the studio again.")
+        return cls(key)
+
+    def secret(self, role: Role) -> str:
+        """Returns a secret for a page of that role."""
+        claim = f"{role.name}.{int(time.time()) + _GOOD_FOR[role]}"
+        return f"{claim}.{self._sign(claim)}"
+
+    def role(self, secret: str) -> Role | None:
+        """Returns the role of a secret; None if it is wrong or has ended."""
+        claim, _, sign = secret.rpartition(".")
+        if not hmac.compare_digest(self._sign(claim).encode(), sign.encode("utf-8", "replace")):
+            return None
+        name, _, ends = claim.partition(".")
+        return Role[name] if time.time() <= int(ends) else None
+
+    def _sign(self, claim: str) -> str:
+        return hmac.new(self._key, claim.encode("utf-8", "replace"), hashlib.sha256).hexdigest()
+
+
+def _make(path: Path) -> None:
+    temporary = path.with_name(f"{_FILE}-{secrets.token_hex(8)}")
+    file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        os.write(file, secrets.token_bytes(_BYTES))
+        os.fsync(file)
+        with contextlib.suppress(FileExistsError):
+            os.link(temporary, path)  # atomic; does not overwrite the key of another process
+    finally:
+        os.close(file)
+        temporary.unlink()
+
+
+# Line from the listener to workers: a local socket in the studio's folder.
+#
+# It uses no disk and waits for nothing: the listener for stops (stop_listener.py) sends one byte to each worker,
+# which answers with one byte after it has reacted. The stop file is the second way, for a worker without a
+# connection yet, and if there is no listener.
+
+STOP, HEARD = b"!", b"+"
+WORK, PRESS, END = "work", "press", "end"
+"""First words of a caller, followed by a name and a line's end: a worker, a stop, the listener's end."""
+_SOCKET = ".stop"
+_LONGEST = 100  # bytes; a local socket's address has at most 104 to 108
+_BETWEEN_CALLS = 0.5  # seconds
+_BETWEEN_GLANCES = 0.02
+
+
+class StopPressed(Exception):
+    """Signal that a person has pressed stop; the worker reports it and ends."""
+
+
+@contextmanager
+def address(folder: Path) -> Iterator[str]:
+    """Yields the address of the listener's local socket for the studio in `folder`.
+
+    The address is short enough for the system's limit.
+    """
+    whole = str(folder.absolute() / _SOCKET)
+    if len(os.fsencode(whole)) <= _LONGEST:
+        yield whole
+        return
+    opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        yield f"/proc/self/fd/{opened}/{_SOCKET}"
+    finally:
+        os.close(opened)
+
+
+def listen_locally(folder: Path) -> socket.socket:
+    """Returns a local socket in the folder, in place of an old one; only the folder's owner can connect.
+
+    Raises OSError.
+    """
+    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    (folder / _SOCKET).unlink(missing_ok=True)
+    with address(folder) as place:
+        listening.bind(place)
+    (folder / _SOCKET).chmod(0o600)
+    listening.listen(64)
+    return listening
+
+
+def call(folder: Path) -> socket.socket:
+    """Returns a connection to the listener. Raises OSError if there is none."""
+    line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        with address(folder) as place:
+            line.connect(place)
+    except OSError:
+        line.close()
+        raise
+    return line
+
+
+class StopWatch:
+    """Watches for a stop, by line and by file, in its own threads.
+
+    file: file that stops the worker when it exists.
+    studio: folder of the listener's socket.
+    job: job of the worker.
+    """
+
+    def __init__(self, file: Path, studio: Path, job: str = "") -> None:
+        self.asked = False
+        self._file, self._studio, self._job = file, studio, job
+        self._turn = threading.Lock()
+        self._reactions: list[Callable[[], None]] = []
+        threading.Thread(target=self._watch_file, daemon=True, name="stop file").start()
+        threading.Thread(target=self._watch_line, daemon=True, name="stop line").start()
+
+    def heed(self) -> None:
+        """Raises StopPressed if stop was pressed."""
+        if self.asked:
+            raise StopPressed
+
+    def then(self, reaction: Callable[[], None]) -> None:
+        """Adds a reaction to a stop.
+
+        It runs at once when stop is pressed, in a watching thread. If stop was pressed before, it runs now.
+        """
+        with self._turn:
+            self._reactions.append(reaction)
+            asked = self.asked
+        if asked:
+            reaction()
+
+    def _hear(self) -> None:
+        with self._turn:
+            first, self.asked = not self.asked, True
+            reactions = list(self._reactions)
+        if first:
+            for reaction in reactions:
+                reaction()
+
+    def _watch_file(self) -> None:
+        while not storage.exists(self._file):  # False too if the look failed: the next one may succeed
+            time.sleep(_BETWEEN_GLANCES)
+        self._hear()
+
+    def _watch_line(self) -> None:
+        while True:
+            with contextlib.suppress(OSError), call(self._studio) as line:
+                line.sendall(f"{WORK} {self._file.parent.name} {self._job}\n".encode())
+                while line.recv(1) == STOP:
+                    self._hear()
+                    line.sendall(HEARD)
+            time.sleep(_BETWEEN_CALLS)  # the listener is gone; the studio starts another one
+
+
+_HEARD_WITHIN = 0.3  # seconds for the workers' answers
+_FILES_WITHIN = 0.1  # more seconds if a worker has not answered
+_LISTENER_WITHIN = 1.0
+
+
+@dataclass
+class StopFiles:
+    """Writes stop files for all workers, in its own thread; a request during a pass starts another pass.
+
+    found: number of workers found.
+    held: number of these that need only the file, or move nothing.
+    """
+
+    root: Path
+    found: int = 0
+    held: int = 0
+    _asked: threading.Event = field(default_factory=threading.Event)
+    _passes: int = 0
+
+    def __post_init__(self) -> None:
+        threading.Thread(target=self._keep, daemon=True, name="stop files").start()
+
+    def ask(self) -> int:
+        """Requests a pass; returns the number of passes before."""
+        passes = self._passes
+        self._asked.set()
+        return passes
+
+    def done_since(self, passes: int) -> bool:
+        """Returns True if a pass has ended since."""
+        return self._passes > passes
+
+    def _keep(self) -> None:
+        while self._asked.wait():
+            self._asked.clear()
+            found = held = 0
+            with contextlib.suppress(OSError):
+                for folder in find_work(self.root):
+                    found += 1
+                    held += folder.path.name == QUEUE or find_job(folder) == PLAN_JOB
+                    with contextlib.suppress(OSError):  # its folder was deleted
+                        folder.stop_now()
+            self.found, self.held = found, held
+            self._passes += 1
+
+
+class StopRecorder:
+    """Writes stops into the studio's database afterwards, even if it is locked for long."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._waiting: queue.Queue[tuple[str, str]] = queue.Queue(1000)
+        threading.Thread(target=self._keep, daemon=True, name="record").start()
+
+    def note(self, by: str, what: str) -> None:
+        """Adds a stop of these paintings. It is dropped if a thousand entries wait already."""
+        with contextlib.suppress(queue.Full):
+            self._waiting.put_nowait((by, what))
+
+    def _keep(self) -> None:
+        while True:
+            by, what = self._waiting.get()
+            while True:
+                try:
+                    PaintingStore(self._root).note(by, what, "stop")
+                    break
+                except (StorageError, OSError):
+                    time.sleep(1)
+
+
+@dataclass(frozen=True)
+class _Caller:
+    """Worker at the other end of a line: the name of its folder, and its job."""
+
+    name: str
+    job: str
+
+
+class Stops:
+    """Sends a stop to all workers."""
+
+    def __init__(self, root: Path) -> None:
+        self._files, self._recorder = StopFiles(root), StopRecorder(root)
+        self.lines: dict[asyncio.StreamWriter, _Caller] = {}
+        self._heard: dict[asyncio.StreamWriter, asyncio.Event] = {}
+
+    async def press(self, by: str) -> dict[str, int]:
+        """Stops all work; returns the number of workers, and the number of those that have confirmed.
+
+        A planner counts as one that has: it moves nothing, and ends without an answer.
+        """
+        called = dict(self.lines)
+        for line in called:
+            self._heard[line].clear()
+            line.write(STOP)
+        passes = self._files.ask()
+        movers = [line for line, caller in called.items() if caller.job != PLAN_JOB]
+        waiting = [asyncio.create_task(self._heard[line].wait()) for line in movers]
+        done, late = await asyncio.wait(waiting, timeout=_HEARD_WITHIN) if waiting else (set(), set())
+        for task in late:
+            task.cancel()
+        if late or not called:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_FILES_WITHIN):
+                    while not self._files.done_since(passes):
+                        await asyncio.sleep(0.005)
+        self._recorder.note(by, ", ".join(sorted(caller.name for caller in called.values())))
+        if called:
+            return {"stopped": len(called), "heard": len(done) + len(called) - len(movers)}
+        return {"stopped": self._files.found, "heard": self._files.held}
+
+    async def answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Serves a caller on the local socket."""
+        try:
+            kind, _, name = (await reader.readline()).decode(errors="replace").strip().partition(" ")
+            if kind == WORK:
+                name, _, job = name.partition(" ")
+                await self._keep_line(_Caller(name, job), reader, writer)
+            elif kind == PRESS:
+                writer.write(json.dumps(await self.press(name)).encode())
+                await writer.drain()
+            elif kind == END:
+                asyncio.get_running_loop().stop()
+        except (OSError, ValueError):
+            pass  # the caller is gone
+        finally:
+            writer.close()
+
+    async def _keep_line(self, caller: _Caller, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        heard = asyncio.Event()
+        self.lines[writer], self._heard[writer] = caller, heard
+        try:
+            while await reader.read(1) == HEARD:
+                heard.set()
+        finally:
+            heard.set()  # its process is gone
+            del self.lines[writer], self._heard[writer]
+
+
+async def press(stops: Stops, root: Path, by: str) -> dict[str, int]:
+    """Stops all work through the listener; if it does not answer, through `stops` of this process."""
+    try:
+        async with asyncio.timeout(_LISTENER_WITHIN):
+            with address(root) as place:
+                reader, writer = await asyncio.open_unix_connection(place)
+            try:
+                writer.write(f"{PRESS} {by}\n".encode())
+                answer: dict[str, int] = json.loads(await reader.read())
+            finally:
+                writer.close()
+            return answer
+    except (OSError, ValueError, TimeoutError):
+        return await stops.press(by)

@@ -1,0 +1,75 @@
+"""Easel of a studio: its robot, camera and workspace, and the easel's calibration record."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Self
+
+from pydantic import TypeAdapter
+
+from frida_painter.easel.kinds import HUMAN, MACHINES, NO_CAMERA, SIMULATED, require_equipment, require_known
+from frida_painter_studio.reader import ask_reader
+
+LOCAL = "127.0.0.1"
+"""Address that only the studio's own machine can reach."""
+
+
+@dataclass(frozen=True)
+class WebAppEasel:
+    """Easel that the terminal command of the studio chose; no page can change it.
+
+    record: file of the calibration record, which need not exist yet.
+    robot, camera: names.
+    workspace: workspace file of a real robot.
+    pace: speed of a simulated robot: 1 like a real one, 0 as fast as possible.
+    canvas: width and height in millimetres from the workspace file. None: any size.
+    """
+
+    record: Path
+    robot: str = "virtual"
+    camera: str = ""
+    workspace: Path | None = None
+    pace: float = 0.0
+    canvas: tuple[float, float] | None = None
+
+    @cached_property
+    def simulated(self) -> bool:
+        """True if no real robot moves; cached, because it asks all installed packages."""
+        return self.robot in SIMULATED
+
+    @property
+    def has_camera(self) -> bool:
+        """False if nobody looks at the canvas of a painting."""
+        return self.camera != NO_CAMERA
+
+    @property
+    def drives_machine(self) -> bool:
+        """True if a machine moves by its own power and could hurt somebody."""
+        return not self.simulated and self.robot != HUMAN
+
+    @property
+    def known(self) -> Path | None:
+        """File of the record; None if it does not exist."""
+        return self.record if self.record.is_file() else None
+
+    def validate(self) -> Self:
+        """Returns the checked easel, with the canvas of its workspace file.
+
+        Raises ConfigError for an unknown robot, for a missing workspace file or camera, or for a wrong workspace
+        file.
+        """
+        if require_known(self.robot) in MACHINES:
+            require_equipment(self.robot, self.workspace, self.camera)
+        if self.workspace is None:
+            return self
+        width, height = map(float, ask_reader("canvas", self.workspace).split())
+        return replace(self, canvas=(width, height))
+
+    def to_json(self) -> str:
+        """Returns the easel as JSON, for worker processes."""
+        return TypeAdapter(WebAppEasel).dump_json(self).decode()
+
+    @classmethod
+    def from_json(cls, text: str) -> "WebAppEasel":
+        """Returns the easel of `to_json`."""
+        return TypeAdapter(WebAppEasel).validate_json(text)

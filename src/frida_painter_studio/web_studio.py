@@ -1,0 +1,440 @@
+"""Studio: its paintings, workers, queue and streams as one object, and all that a person may ask of it."""
+
+import math
+import time
+from collections.abc import Callable, Set
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from frida_painter import registry
+from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.objectives.objective import Gives, goal_kinds
+from frida_painter.registry import are_here
+from frida_painter.runs.shares import family_shares
+from frida_painter.session.events import PlanRequested, TakenUp
+from frida_painter_studio import commands, picture_choosing, studio_folder
+from frida_painter_studio.commands import Command, Reply, Role
+from frida_painter_studio.jobs import JOBS, Imagining, JobState, Setup, TeachingRequest
+from frida_painter_studio.pace import LAST, WorkTimes, find_pace
+from frida_painter_studio.painting_state import PaintingState, Status, tell_status
+from frida_painter_studio.picture_choosing import AllowedMakers, ChosenPicture, MakingOrder, MakingRequest
+from frida_painter_studio.security import Lead, Presence, Session
+from frida_painter_studio.state import FeedStates, Shown, StateStreams, Topic
+from frida_painter_studio.stop import Stops
+from frida_painter_studio.stop_process import StopProcess
+from frida_painter_studio.store import Entry, PaintingStore, Uploads
+from frida_painter_studio.studio_folder import KeptRequest, PaintingFolder, PaintingRequest, PlanFolder, working
+from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_studio.workers import QUEUE, PaintingQueue, Workers, start_painting
+
+_GALLERY_EVERY = 1.0  # seconds
+_RENEWED_EVERY = 2.0  # seconds
+_ROOM_TO_BEGIN, _ROOM_TO_RESUME = 200 * 2**20, 100 * 2**20  # bytes
+
+
+class Studio:
+    """Studio with all its parts; the routes of the web application are thin functions on it.
+
+    store: paintings and pictures.
+    easel: chosen in the terminal.
+    presence: confirmations at the machine.
+    stop_process: listener for stops; None for a studio that is not served on a port.
+    makers: picture makers that visitors may choose; none by default.
+    Its methods raise Interrupted if something cannot be done now, ConfigError if a request is wrong, StorageError,
+    and RobotStopped if nobody has confirmed at the machine.
+    """
+
+    def __init__(
+        self,
+        store: PaintingStore,
+        easel: WebAppEasel,
+        presence: Presence,
+        stop_process: StopProcess | None = None,
+        makers: AllowedMakers | None = None,
+    ) -> None:
+        self.store: Final = store
+        self.easel: Final = easel
+        self.presence: Final = presence
+        self.stop_process: Final = stop_process
+        self.makers: Final = makers or AllowedMakers()
+        self.lead: Final = Lead()
+        self.streams: Final = StateStreams()
+        self.feeds: Final = FeedStates()
+        self.stops: Final = Stops(store.root)
+        self.uploads: Final = Uploads(store.pictures)
+        self.workers: Final = Workers(easel)
+        self.queue: Final = PaintingQueue(store, self.workers)
+
+    # State of the studio.
+
+    def facts(self, role: Role) -> dict[str, Any]:
+        """Returns the facts about this studio for a page, with the port and the secret of its stops."""
+        stop, easel = self.stop_process, self.easel
+        return {
+            "stop": None if stop is None else {"port": stop.port, "secret": stop.secret(role)},
+            "role": role.name,
+            "abilities": abilities(),
+            "now": time.time(),
+            "robot": easel.robot,
+            "camera": bool(easel.camera) and easel.has_camera and not easel.simulated,
+            "watched": easel.has_camera,
+            "simulated": easel.simulated,
+            "dangerous": easel.drives_machine,
+            "pace": find_pace(self._last_times(), real_time=not easel.simulated),
+            "canvas": easel.canvas,
+            "brushes": list(registry.parts(registry.STROKE_MODELS)),
+            "families": list(self._families),
+            "turns": list(registry.parts(registry.TURN_POLICIES)),
+            "makers": list(self.makers.by_label),
+        }
+
+    def _last_times(self) -> list[WorkTimes]:
+        last = self.store.all()[:LAST]
+        return [self.feeds.view(entry.folder, PaintingState, lambda state, truth: state.times) for entry in last]
+
+    def work(self) -> dict[str, Any]:
+        """Returns who is at work (ids of paintings, "calibration", "setup"), and the queue in order.
+
+        moves: True if one of these may move the robot; a planner cannot.
+        """
+        entries, at_work = self.store.all(), self._at_work()
+        names = {folder.path.name for folder in at_work}
+        known = [entry.id for entry in entries if entry.folder.path.name in names]
+        known += [name for name in JOBS if name in names]
+        titles = {entry.id: entry.title for entry in entries}
+        shown = self.queue.to_plain()
+        waiting = [{**each, "title": titles.get(each["painting"], "")} for each in shown["queue"]]
+        return {"working": known, "moves": _may_move(at_work), **shown, "queue": waiting}
+
+    def may_move(self) -> bool:
+        """Returns True if a process works that may move the robot."""
+        return _may_move(self._at_work())
+
+    def _at_work(self) -> list[PaintingFolder]:
+        """Returns the folders of paintings, also deleted ones, and of the calibration, on which a process works."""
+        return [folder for folder in studio_folder.find_work(self.store.root) if folder.path.name != QUEUE]
+
+    def cards(self) -> list[dict[str, Any]]:
+        """Returns the gallery's data of every painting, the newest first."""
+        return [self._card(entry) for entry in self.store.all()]
+
+    def _card(self, entry: Entry) -> dict[str, Any]:
+        status = self._status(entry)
+        shown = {"id": entry.id, "title": entry.title, "begun": entry.begun, **asdict(status)}
+        return {**shown, "picture": _best_picture(entry.folder)}
+
+    def _status(self, entry: Entry) -> Status:
+        return self.feeds.view(entry.folder, PaintingState, tell_status)
+
+    def painting(self, entry: Entry) -> dict[str, Any]:
+        """Returns the state of a painting, as the page shows it."""
+        shown = self.feeds.current(entry.folder, PaintingState)
+        return {"id": entry.id, "title": entry.title, "begun": entry.begun, **shown}
+
+    def job(self, job: type[JobState]) -> dict[str, Any]:
+        """Returns the state of a job, as the page shows it."""
+        return self.feeds.current(self.store.job(job.name), job)
+
+    @property
+    def _families(self) -> dict[str, None]:
+        """Names of the stroke families that can be painted with: registered ones, and those taught here."""
+        return dict.fromkeys([*registry.parts(registry.STROKE_FAMILIES), *self.store.families])
+
+    def topic(self, name: str) -> Topic | None:
+        """Returns a state that pages follow; None for an unknown painting.
+
+        name: id of a painting, name of a job, or "paintings" for the gallery.
+        """
+        fresh: Callable[[], Shown]
+        if name == "paintings":
+            return Topic(name, self.cards, self.cards, every=_GALLERY_EVERY)
+        if name in JOBS:
+            folder, fresh = self.store.job(name), JOBS[name]
+        elif (entry := self.store.find(name)) is not None:
+            folder, fresh = entry.folder, PaintingState
+        else:
+            return None
+
+        sign = Followed(folder.followed) if name == Setup.name else None
+
+        def mark() -> object:
+            if sign is not None:
+                sign.renew()
+            return self.feeds.view(folder, fresh, lambda state, truth: (state.version, truth))
+
+        return Topic(name, mark, lambda: self.feeds.current(folder, fresh))
+
+    # Orders for plans.
+
+    def begin(self, request: PaintingRequest) -> Entry:
+        """Begins a painting and its first plan."""
+        self._require_possible(request)
+        entry = self.store.begin(request.title or "Untitled")
+        self._plan(entry, request)
+        return entry
+
+    def plan_again(self, entry: Entry, request: PaintingRequest) -> None:
+        """Makes another plan for a painting, from the same request or another one."""
+        self._require_possible(request)
+        self._plan(entry, request)
+
+    def _require_possible(self, request: PaintingRequest) -> None:
+        """Raises ConfigError if a picture of the request is missing, or if a kind of goal is not ready."""
+        self._require_pictures(request.pictures)
+        if request.strokes_of:
+            unknown = [name for name, _ in family_shares(request.strokes_of) if name not in self._families]
+            if unknown:
+                known = ", ".join(self._families)
+                raise ConfigError(f"There is no stroke family {unknown[0]!r}; choose one of {known}, or teach it.")
+        for kind in {term.kind for term in (*request.terms, *request.initial)}:
+            able = abilities()[kind]
+            if not able["ready"]:
+                raise ConfigError(str(able["advice"]))
+
+    def _require_pictures(self, pictures: Set[str]) -> None:
+        if not all((self.store.pictures / f"{name}.png").is_file() for name in pictures):
+            raise ConfigError("A picture of this goal is gone; choose it again.")
+
+    def _plan(self, entry: Entry, request: PaintingRequest) -> None:
+        """Starts the plan, or puts it into the queue if other work comes first."""
+        folder = entry.folder
+        if working(folder):
+            raise Interrupted("The painter is at work on this painting already.")
+        if self.queue.must_wait():
+            self.queue.add(entry, self._request_plan(entry, request), "plan")
+            return
+        with self.workers.slot_at(folder) as slot:
+            folder.stop.unlink(missing_ok=True)
+            slot.start("plan", self._request_plan(entry, request))
+
+    def _request_plan(self, entry: Entry, request: PaintingRequest) -> PlanFolder:
+        """Makes the folder of a new plan and reports it to the page."""
+        plan = entry.folder.begin_plan(request, self.store.pictures)
+        studio_folder.tell_once(entry.folder, PlanRequested(plan.number, request.model_dump(mode="json")))
+        if request.title and request.title != entry.title:
+            self.store.rename(entry.id, request.title)
+        return plan
+
+    # Orders for paintings.
+
+    def start(self, entry: Entry, number: int, by: Session, *, ready: bool, wait: bool) -> None:
+        """Starts to paint a plan, or puts it into the queue.
+
+        ready: True if the person confirms canvas and paints.
+        wait: True to put it into the queue.
+        """
+        if not ready and not wait:
+            raise ConfigError("Say first that the canvas and the paints are ready.")
+        folder = entry.folder
+        plan = folder.plan(number)
+        if not plan.plan.is_file():
+            raise ConfigError("This plan is not finished; wait for it, or choose another one.")
+        if folder.painting.exists():
+            raise Interrupted("This painting has been begun already; to paint it once more, take Paint again.")
+        studio_folder.require_disk(folder.path, _ROOM_TO_BEGIN)
+        if wait:
+            self.queue.add(entry, plan, "paint")
+            self.store.note(by.id, entry.id, f"queue plan {number}")
+            return
+        with self.workers.slot_at(folder) as slot:
+            self.presence.allow(self.easel)
+            folder.stop.unlink(missing_ok=True)
+            self.store.note(by.id, entry.id, f"start plan {number}")
+            self.queue.remove(entry.id)
+            start_painting(slot, plan)
+
+    def resume(self, entry: Entry, by: Session) -> None:
+        """Resumes a painting that was stopped, killed or failed."""
+        folder, status = entry.folder, self._status(entry)
+        if status.stage == "finished":
+            raise Interrupted("This painting is finished; to paint it once more, take Paint again.")
+        if status.working:
+            raise Interrupted("The painter is at work on this painting already.")
+        if not status.resumable:
+            raise Interrupted("There is nothing to go on with: no stroke was painted yet.")
+        painting = self.painting(entry)["painting"]
+        studio_folder.require_disk(folder.path, _ROOM_TO_RESUME)
+        with self.workers.slot_at(folder) as slot:
+            self.presence.allow(self.easel)
+            folder.stop.unlink(missing_ok=True)
+            folder.robot_stop.unlink(missing_ok=True)
+            self.store.note(by.id, entry.id, "resume")
+            studio_folder.tell_once(folder, TakenUp(painting["done"]))
+            slot.start("resume", folder.plan(painting["plan"]))
+
+    def say(self, entry: Entry, command: Command, by: Session) -> None:
+        """Sends a command to the painter of a running painting."""
+        if not (entry.folder.painting.is_dir() and working(entry.folder)):
+            raise Interrupted("Nothing is being painted here at the moment.")
+        match command:
+            case commands.Protect(picture) | commands.GivePicture(picture):
+                self._require_pictures({picture})
+            case commands.ChangeGoal(request):
+                self._require_possible(request)
+            case commands.Propose(words, maker):
+                if self.painting(entry)["painting"]["making"] is not None:
+                    raise Interrupted("Pictures are being made here already; wait until they are there, or stop it.")
+                MakingOrder.of(words, maker, self.makers).keep(entry.folder)
+            case commands.TakeTurns(policy=policy) if policy not in registry.parts(registry.TURN_POLICIES):
+                known = ", ".join(registry.parts(registry.TURN_POLICIES))
+                raise ConfigError(f"There is no way of taking turns {policy!r}; take one of {known}.")
+            case commands.PaintStroke():
+                painting = self.painting(entry)["painting"]
+                if not painting["held"]:
+                    raise Interrupted(commands.ROBOT_MOVES)
+                if painting["person"] is None:
+                    raise Interrupted("Nobody can paint through the page here; paint on the canvas with a real brush.")
+        self.store.note(by.id, entry.id, commands.describe(command))
+        commands.tell_worker(entry.folder, command, by.id)
+
+    def choose_proposal(self, entry: Entry, chosen: ChosenPicture, by: Session) -> dict[str, str]:
+        """Takes a proposed picture of a painting among the pictures for goals; returns its id, and how it was made."""
+        proposed = self.feeds.view(
+            entry.folder, PaintingState, lambda state, truth: state.painting and state.painting.proposed
+        )
+        made = picture_choosing.take_picture(
+            chosen, [proposed] if proposed else [], entry.folder.painting, self.store.pictures
+        )
+        self.store.note(by.id, entry.id, f"choose {made['made']}")
+        return made
+
+    def answer(self, entry: Entry, given: Reply, by: Session) -> None:
+        """Answers a question of the painter."""
+        self.store.note(by.id, entry.id, f"answer: {given.words}")
+        _hand_on(given, entry.folder, self.painting(entry)["question"], by.id)
+
+    def delete(self, entry: Entry, by: Session) -> None:
+        """Deletes a painting with all its files, while no worker can begin there."""
+        lock = studio_folder.WorkerLock(entry.folder)
+        try:
+            if not lock.take():
+                raise Interrupted("The painter is at work on this painting; stop it first.")
+            self.queue.remove(entry.id)
+            self.store.note(by.id, entry.id, "delete")
+            self.store.delete(entry)
+        finally:
+            lock.release()
+
+    # Orders for jobs beside paintings.
+
+    def begin_job(self, job: type[JobState], request: KeptRequest | MakingRequest, by: Session) -> None:
+        """Starts a job; no request names a program. A setup moves a real machine, at every easel."""
+        order = self._complete(request)
+        folder = self.store.job(job.name)
+        studio_folder.require_disk(folder.path, _ROOM_TO_BEGIN)
+        with self.workers.slot_at(folder) as slot:
+            if job.moves == "always":
+                self.presence.require()
+            elif job.moves == "easel":
+                self.presence.allow(self.easel)
+            folder.stop.unlink(missing_ok=True)
+            said, started = job.begin(order)
+            self.store.note(by.id, job.name, said)
+            order.keep(folder)
+            studio_folder.tell_once(folder, started)
+            slot.start(job.name, folder.plan(1))
+
+    def _complete(self, request: KeptRequest | MakingRequest) -> KeptRequest:
+        """Returns the request for the worker. Raises ConfigError for a taken name or a maker that is not allowed."""
+        if isinstance(request, MakingRequest):
+            more = request.model_dump(exclude={"words", "maker"})
+            return MakingOrder.of(request.words, request.maker, self.makers, **more)
+        if isinstance(request, TeachingRequest) and request.name in self._families:  # paintings with it may go on
+            raise ConfigError(f"There is a stroke family {request.name!r} already; give yours another name.")
+        return request
+
+    def answer_job(self, job: type[JobState], given: Reply, by: Session) -> None:
+        """Answers a question of a job, moves brush or tip as asked, or leaves the setup."""
+        self.store.note(by.id, job.name, f"answer: {given.words}")
+        _hand_on(given, self.store.job(job.name), self.job(job)["question"], by.id)
+
+    def stop_imagining(self, by: Session) -> None:
+        """Stops the making of pictures, and no other work."""
+        folder = self.store.job(Imagining.name)
+        if working(folder):
+            self.store.note(by.id, Imagining.name, "stop")
+            folder.stop_now()
+
+    def choose_picture(self, chosen: ChosenPicture, by: Session) -> dict[str, str]:
+        """Takes a made picture among the pictures for goals; returns its id, and how it was made."""
+        folder = self.store.job(Imagining.name)
+        makings = self.feeds.view(folder, Imagining, lambda state, truth: list(state.makings))
+        made = picture_choosing.take_picture(chosen, makings, folder.path / picture_choosing.MADE, self.store.pictures)
+        self.store.note(by.id, Imagining.name, f"choose {made['made']}")
+        return made
+
+
+@dataclass
+class Followed:
+    """Sign for a worker in another process that a page follows it: a file whose time changes."""
+
+    path: Path
+    _renewed: float = -math.inf
+
+    def renew(self) -> None:
+        """Renews the sign if the last time was some seconds ago; a disk that fails costs only the sign."""
+        now = time.monotonic()
+        if now >= self._renewed + _RENEWED_EVERY:
+            self._renewed = now
+            with suppress(OSError):
+                self.path.touch()
+
+
+def _may_move(at_work: list[PaintingFolder]) -> bool:
+    still = {studio_folder.PLAN_JOB, *(name for name, job in JOBS.items() if job.moves == "never")}
+    return any(studio_folder.find_job(folder) not in still for folder in at_work)
+
+
+def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, by: str) -> None:
+    """Hands an answer to the waiting worker. Raises Interrupted if the question is no longer open, ConfigError."""
+    if not isinstance(asked, dict) or asked.get("id") != given.question or not working(folder):
+        raise Interrupted("This is not asked any more; look at the page.")
+    if not (given.leave and asked.get("leave") is True):
+        given.answering(str(asked["kind"]), asked)
+    commands.tell_worker(folder, given, by)
+
+
+def _best_picture(folder: PaintingFolder) -> str | None:
+    """Returns the picture of the painting, or else of its newest plan; None if there is none."""
+    candidates = ["painting/painting.png", *(f"{plan.number}/plan.jpg" for plan in reversed(folder.plans()))]
+    for candidate in candidates:
+        place, _, name = candidate.partition("/")
+        if folder.find_shown(place, name) is not None:
+            return candidate
+    return None
+
+
+# Abilities of this studio: the kinds of goals, and the missing parts of each.
+
+# Extra that a kind of goal needs besides its networks, and a package of that extra.
+_EXTRAS = {"text": ("words", "transformers")}
+
+
+def abilities() -> dict[str, dict[str, object]]:
+    """Returns for each kind of goal: True if it is ready, missing weights, names to fetch, and a sentence of advice.
+
+    Its label, what it does, and True if it is given as words, for the page, which knows no kind of another package.
+    """
+    return {
+        name: {
+            **_ability(name, kind.networks),
+            "label": kind.label,
+            "verb": kind.help.removesuffix("."),
+            "words": kind.gives is Gives.WORDS,
+        }
+        for name, kind in goal_kinds().by_name.items()
+    }
+
+
+def _ability(kind: str, groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:
+    missing = [group[-1] for group in groups if not any(map(are_here, group))]
+    fetch = ["words"] if kind == "text" and missing else missing
+    said = []
+    if kind in _EXTRAS and not registry.is_installed(_EXTRAS[kind][1]):
+        said.append(registry.advice(_EXTRAS[kind][0], "This"))
+    if missing:
+        command = f"frida-painter models fetch {' '.join(fetch)}"
+        said.append(f"This needs a network that is not here yet; fetch it with: {command}")
+    return {"ready": not said, "missing": missing, "fetch": fetch, "advice": ". ".join(said)}

@@ -1,0 +1,417 @@
+"""Jobs of a worker process: it plans, paints or calibrates; web/worker_process.py starts them."""
+
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from frida_painter import event_log, images, storage
+from frida_painter.brush.kinds import brush_kind
+from frida_painter.calibration import Calibration, Corners
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.devices import prepare_process
+from frida_painter.easel.connecting import connect_easel
+from frida_painter.easel.dialogue import Confirm, Finding, PointCorners, lead
+from frida_painter.easel.kinds import ARM_FILM, SIMULATION_LOG, STOP_FILE
+from frida_painter.errors import (
+    CalibrationError,
+    ConfigError,
+    FridaError,
+    Interrupted,
+    PaintingPaused,
+    RobotStopped,
+)
+from frida_painter.hardware.easel import Easel
+from frida_painter.perception.snapshot import find_corners
+from frida_painter.plan import Plan
+from frida_painter.planning.mixable import mixing_changes
+from frida_painter.planning.optimize import Step
+from frida_painter.report.painters import PAINTERS, PERSON, find_painters
+from frida_painter.runs.look_folder import GivenPicture
+from frida_painter.runs.painting_easel import with_operator
+from frida_painter.runs.run import PaintingRun, RunOutcome
+from frida_painter.runs.settle import brushes_of, ground_of, paints_for_recipes
+from frida_painter.runs.shares import AUTO, family_shares
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session import events, setup_events
+from frida_painter.session.controls import Controls
+from frida_painter.session.opening import adopt_camera, require_basis, statuses
+from frida_painter.session.time_left import PlanTime, share_of_plan
+from frida_painter_calibration.calibrating import (
+    CalibrationSetup,
+    begin_procedure,
+    easel_of,
+    learn_from,
+    record_to_renew,
+)
+from frida_painter_calibration.procedures.strokes import StrokesFinding
+from frida_painter_calibration.setup_dialogue import SetupEvent, SetupOrder, lead_setup
+from frida_painter_studio.imaginer import imagine
+from frida_painter_studio.jobs import CalibrationRequest, SetupRequest, TeachingRequest
+from frida_painter_studio.painter import Asker, PauseController
+from frida_painter_studio.stop import StopWatch
+from frida_painter_studio.studio_folder import Feed, PaintingFolder, PlanFolder
+from frida_painter_studio.teacher import teach
+from frida_painter_studio.telling import Growing, Reporter, export, illustrate, mixtures
+from frida_painter_studio.web_app_easel import WebAppEasel
+
+_BETWEEN_WORDS = 0.5  # seconds
+
+# Job of a worker: its painting, its easel and its feed.
+
+
+@dataclass(frozen=True)
+class Job:
+    """Data of a job.
+
+    began: start of the job, seconds since 1970.
+    """
+
+    folder: PaintingFolder
+    easel: WebAppEasel
+    feed: Feed
+    stop: StopWatch
+    asker: Asker
+    began: float = field(default_factory=time.time, kw_only=True)
+
+    @property
+    def state(self) -> Path | None:
+        """Folder of robot locks: the painting's own folder for a simulated robot, None for the common one."""
+        return self.folder.easel if self.easel.simulated else None
+
+    def spec(self, place: PlanFolder) -> RunSpec:
+        """Returns the description of the requested painting at this studio's easel.
+
+        Raises ConfigError and StorageError.
+        """
+        request = place.request()
+        wanted = {name: value for name, value in request if name in RunSpec.model_fields}
+        wanted |= request.goals(place.path) | self._easel_fields
+        wanted["title"] = request.title or "Untitled"
+        wanted["colors"] = min(request.colors, request.strokes)
+        wanted["canvas"] = CanvasSize(request.width / 1000, request.height / 1000)
+        wanted["fit"] = "crop"  # the page chose the canvas in the picture's proportions, or the person another one
+        wanted["brushes"] = request.brushes or None
+        wanted["strokes_of"] = self._families(request.strokes_of)
+        wanted["replans"] = min(request.replans, request.strokes - 1) if self.easel.has_camera else 0
+        wanted["calibration"] = self.easel.known
+        return RunSpec.of(**wanted)
+
+    def _families(self, asked: str) -> str | None:
+        """Returns families in the form of RunSpec; those taught in this studio by their files."""
+        if not asked:
+            return None
+        files = {name: self.folder.families / f"{name}.safetensors" for name, _ in family_shares(asked)}
+        shares = ((str(files[name]) if files[name].is_file() else name, share) for name, share in family_shares(asked))
+        return ",".join(f"{source}:{100 * share:g}%" for source, share in shares)
+
+    def spec_to_calibrate(self, request: CalibrationRequest) -> RunSpec:
+        """Returns the description of the easel to calibrate.
+
+        Its canvas is that of the workspace file, if there is one.
+        """
+        size: dict[str, Any] = (
+            {} if self.easel.workspace else {"canvas": CanvasSize(request.width / 1000, request.height / 1000)}
+        )
+        return RunSpec.of(brush=request.brush, seed=request.seed, **size, **self._easel_fields)
+
+    @property
+    def _easel_fields(self) -> dict[str, Any]:
+        easel = self.easel
+        return {
+            "robot": easel.robot,
+            "camera": easel.camera,
+            "workspace": easel.workspace,
+            "pace": easel.pace if easel.simulated else 0.0,
+        }
+
+
+# Calibration by a worker: it leads the procedures, asks on the page, and saves the easel's record.
+
+
+def _make_ready(folder: Path) -> None:
+    """Makes the folder in which a machine's process finds a stop file, without the last simulated studio."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        event_log.remove(folder / SIMULATION_LOG)
+        (folder / STOP_FILE).unlink(missing_ok=True)
+    except OSError as error:
+        raise storage.cannot_write(folder, error) from error
+
+
+def calibrate(job: Job) -> None:
+    """Runs the requested procedures in order; saves each result at once."""
+    request, folder = CalibrationRequest.load(job.folder), job.folder.painting
+    _make_ready(folder)
+    spec = job.spec_to_calibrate(request)
+    with easel_of(spec, folder, job.state) as easel:
+        here = with_operator(easel, spec, job.asker.answer)
+        try:
+            job.stop.then(here.robot.stop)
+            here = connect_easel(
+                here, job.asker.answer, lambda sentence: job.feed.tell(events.ProcedureProgress(sentence))
+            )
+            _lead_all(job, request, here)
+        finally:
+            here.camera.close()
+            here.robot.close()
+
+
+def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
+    path, feed = job.easel.record, job.feed
+    known = record_to_renew(path, here.calibration, anew=request.whole)
+    _tell_status(feed, known, here.calibration)
+
+    def say(words: str) -> None:
+        feed.tell(events.ProcedureProgress(words))
+        job.stop.heed()
+
+    for name in request.what:
+        require_basis(name, known, here.calibration, defaults_hold=here.simulated or not here.has_camera)
+        feed.tell(events.ProcedureBegan(name))
+        easel = replace(here, calibration=known)
+        setup = CalibrationSetup(easel, brush_kind(request.brush), path, request.seed, request.count, say)
+        finding = lead(begin_procedure(name, setup), job.asker.answer)
+        known = finding.enter(known)
+        if isinstance(finding, StrokesFinding):
+            known = learn_from(finding, setup, known)
+        known.save(path)
+        feed.tell(events.ProcedureFound(name, _sentence(finding), _show_finding(name, finding, setup, job)))
+        _tell_status(feed, known, here.calibration)
+
+
+def _sentence(finding: Finding) -> str:
+    """Returns the sentence of a result, without file paths."""
+    file = getattr(finding, "file", None)
+    return finding.sentence if file is None else finding.sentence.replace(f": {file.path}", "")
+
+
+def _show_finding(name: str, finding: Finding, setup: CalibrationSetup, job: Job) -> str | None:
+    """Saves the result's picture beside the record and for the page; returns its name for the page."""
+    if finding.picture is None:
+        return None
+    images.save(finding.picture, setup.beside(name, "png"))
+    shown = job.folder.new_shown(f"found-{name}", ".png", alone=True)
+    images.save(finding.picture, shown)
+    return shown.name
+
+
+def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
+    """Reports the status of every procedure."""
+    procedures = [
+        {
+            "name": status.procedure,
+            "dated": None if status.done is None else status.done.dated[:10],
+            "fault": status.fault,
+            "old": status.is_old,
+        }
+        for status in statuses(adopt_camera(record, easel), easel)
+    ]
+    feed.tell(events.CalibrationStatus(easel.easel, procedures))
+
+
+# Teaching of a stroke by a worker.
+
+
+def teach_stroke(job: Job) -> None:
+    """Learns a stroke family from a person's marks."""
+    request = TeachingRequest.load(job.folder)
+
+    def say(words: str) -> None:
+        job.stop.heed()
+        if time.monotonic() - told[0] >= _BETWEEN_WORDS:
+            told[0] = time.monotonic()
+            job.feed.tell(events.ProcedureProgress(words))
+
+    told = [0.0]
+    job.feed.tell(teach(request, job.folder, job.folder.families, say))
+
+
+# Setup of a machine by a worker: the same dialogue as in the terminal.
+
+
+def set_up(job: Job) -> None:
+    """Sets a machine up, or goes on with a setup that was left."""
+    request, folder = SetupRequest.load(job.folder), job.folder.painting
+    _make_ready(folder)
+    asker = Asker(job.folder, job.feed, job.stop, may_leave=True)
+
+    def tell(event: SetupEvent) -> None:
+        job.feed.tell(_show_sheet(event, job.folder) if isinstance(event, setup_events.SetupWritten) else event)
+        job.stop.heed()
+
+    size = None if request.width is None else CanvasSize(request.width / 1000, (request.height or 0.0) / 1000)
+    order = SetupOrder(name=request.easel, canvas=size, brush=request.brush, step=request.step, anew=request.anew)
+    try:
+        lead_setup(order, asker.answer, tell, stops=folder, opened=lambda robot: job.stop.then(robot.stop))
+    except Interrupted as left:
+        job.feed.tell(setup_events.SetupLeft(str(left)))
+
+
+def _show_sheet(written: setup_events.SetupWritten, folder: PaintingFolder) -> setup_events.SetupWritten:
+    """Copies the picture of a finished setup for the page; returns the event with the copy's name."""
+    shown = folder.new_shown("setup", ".png", alone=True)
+    storage.copy(Path(written.sheet), shown, "the picture of the setup", storage.MAX_BYTES)
+    return replace(written, sheet=shown.name)
+
+
+# Painting by a worker: it starts or resumes the run of a requested painting.
+
+
+def paint(job: Job, place: PlanFolder) -> None:
+    """Paints the plan, with replans as the description says."""
+    folder, plan = job.folder.painting, Plan.load(place.plan)
+    spec = job.spec(place).with_values(ground=ground_of(plan))
+    if spec.brushes == AUTO:
+        spec = spec.with_values(brushes=brushes_of(plan), strokes_of=None)
+    with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
+        _tell_waits(job, run)
+        run.load_easel()  # loads in parallel with the planner
+        job.stop.heed()
+        _lead(job, run)
+        _conclude(job, run, run.start(plan))
+
+
+def resume(job: Job, place: PlanFolder) -> None:
+    """Resumes a painting that was stopped, killed or failed, from its journal."""
+    with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
+        assert run.history is not None
+        job.feed.tell(events.TakenUp(run.history.painted))
+        _tell_waits(job, run)
+        run.load_easel()
+        _lead(job, run)
+        _conclude(job, run, run.resume())
+
+
+def _tell_waits(job: Job, run: PaintingRun) -> None:
+    """Connects the waits before planning to the page and to its stop."""
+    run.tell, run.heed = lambda sentence: job.feed.tell(events.ProcedureProgress(sentence)), job.stop.heed
+
+
+def _lead(job: Job, run: PaintingRun) -> None:
+    """Connects the run to the page: reports, questions and controls."""
+    job.stop.then(run.open_easel().robot.stop)
+    planner, left = run.planner, run.estimate_time(time.monotonic())
+    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, left, in_turns=run.spec.together)
+
+    def look_at(picture: Path) -> None:
+        given = GivenPicture(picture)
+        photograph = given.load()
+        found: Corners | None = None
+        with suppress(CalibrationError):
+            found = find_corners(photograph, planner.size)
+        question = "Where are the canvas's corners in this picture? Go round it, from any of them."
+        corners = job.asker.answer(PointCorners(question, images.from_uint8(photograph), found))
+        assert isinstance(corners, tuple)
+        run.look_at_picture(replace(given, corners=corners))
+
+    pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session, look_at, job.asker.answer)
+
+    if run.history is not None:
+        pauses.owe(run.history.request, run.history.proposed)
+
+    def paint_on(difference: str, photograph: Tensor) -> bool:
+        question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"
+        return job.asker.answer(Confirm(question, photograph, proposal=False)) is True
+
+    def repaint(number: int, picture: Tensor) -> bool:
+        question = f"Stroke {number} was begun, and nothing tells whether it was painted. Paint it again?"
+        return job.asker.answer(Confirm(question, picture, proposal=False)) is True
+
+    run.listeners += [reporter.hear, pauses.hear]
+    run.controls = Controls(
+        stop_asked=lambda: job.stop.asked,
+        pause_cause=pauses.pause_cause,
+        go_on=pauses.go_on,
+        answer=job.asker.answer,
+        paint_on=paint_on,
+        repaint=repaint,
+        adapt=pauses.adapt_alone,
+    )
+
+
+def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
+    """Reports the end of a run, and exports its plan for other programs and machines."""
+    trouble = outcome.trouble
+    if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
+        raise trouble
+    if outcome.page is None:  # it was stopped before the first plan
+        job.feed.tell(events.Stopped())
+        return
+    painted = Plan.load(outcome.folder)
+    if len(painted):
+        export(painted, run.planner.models, outcome.folder, run.spec.drying)
+    _tell_painters(run, outcome)
+    films = {"film": "film.mp4", "arm": ARM_FILM, "painters": f"{PAINTERS}.png"}
+    job.feed.tell(events.PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))
+
+
+def _tell_painters(run: PaintingRun, outcome: RunOutcome) -> None:
+    """Writes who painted what beside the painting, if a person painted too; a fault costs only this picture."""
+    with suppress(FridaError):
+        found = find_painters(outcome.folder, run.planner.models)
+        if found.of(PERSON) and outcome.painting is not None:
+            found.save(outcome.folder, outcome.painting.photograph)
+
+
+def work(what: str, job: Job, place: PlanFolder) -> None:
+    """Runs a job by name. Raises ConfigError for an unknown one."""
+    prepare_process()
+    job.stop.heed()
+    match what:
+        case "plan":
+            make_plan(job, place)
+        case "paint":
+            paint(job, place)
+        case "resume":
+            resume(job, place)
+        case "calibration":
+            calibrate(job)
+        case "setup":
+            set_up(job)
+        case "teaching":
+            teach_stroke(job)
+        case "imagining":
+            imagine(job.folder, job.feed, job.stop)
+        case _:
+            jobs = "plan, paint, resume, calibration, setup, teaching or imagining"
+            raise ConfigError(f"There is no job {what[:40]!r}; it is {jobs}.")
+
+
+def make_plan(job: Job, place: PlanFolder) -> None:
+    """Makes the requested plan and its pictures."""
+    feed = job.feed
+    with PaintingRun(job.spec(place)) as run:
+        _tell_waits(job, run)
+        planner = run.planner
+        bare = planner.bare
+        started = time.monotonic()
+
+        def grown(name: str) -> None:
+            feed.tell(events.PlanPreview(name, place.number))
+
+        growing = Growing(place.path, bare, planner.models, planner.size, grown)
+        expected_time = planner.measure_plan(run.spec.strokes)
+        if expected_time is not None:
+            feed.step(0.0, expected_time, place.number)
+        plan_time = PlanTime(expected_time)
+
+        def hear(step: Step) -> None:
+            job.stop.heed()
+            share = share_of_plan(step.iteration, step.of)
+            feed.step(share, plan_time.find_remaining(share), place.number)
+            growing.hear(step.parts)
+
+        made = run.plan(hear)
+        made.save(place.plan)
+        if len(made):
+            export(made, planner.models, place.path, run.spec.drying)
+        expected = planner.expected(made, bare)
+        nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
+        told = illustrate(made, planner.models, bare, place.path)
+        mixed, took = mixtures(made, paints_for_recipes(run.spec)), round(time.monotonic() - started, 1)
+        told |= {"mixtures": mixed, "mixing": mixing_changes(made), "remarks": list(planner.encoders.remarks)}
+    feed.tell(events.PlanMade(place.number, round(nearer, 4), took, **told))

@@ -1,0 +1,68 @@
+"""Worker process of the studio: it hears a stop from its first moment; it may outlive the page's process.
+
+Run it with `python -m frida_painter_studio.worker_process JOB FOLDER NUMBER LOCK EASEL`. JOB is the work. FOLDER is the
+painting's folder. NUMBER is one of its plans. LOCK is the open lock file of the painting, held until the work is
+done. EASEL is the studio's easel as JSON.
+
+The libraries of a planner take seconds to load. This module loads none of them before it listens for stops.
+"""
+
+import os
+import secrets
+import sys
+import traceback
+from functools import partial
+from pathlib import Path
+
+from frida_painter import registry
+from frida_painter.errors import FridaError, RobotStopped
+from frida_painter.session.events import Failed, Rests, Stopped
+from frida_painter_studio.stop import StopPressed, StopWatch
+from frida_painter_studio.studio_folder import PLAN_JOB, Feed, PaintingFolder
+from frida_painter_studio.web_app_easel import WebAppEasel
+
+
+def main() -> None:
+    """Does the job; errors are reported on the page as a sentence."""
+    what, path, number, lock, easel = sys.argv[1:]
+    folder = PaintingFolder(Path(path))
+    folder.live.mkdir(exist_ok=True)
+    feed = Feed(folder)
+    stop = StopWatch(folder.stop, folder.path.parent, what)
+    if what == PLAN_JOB:
+        stop.then(partial(end_at_once, folder))
+    try:
+        from frida_painter_studio.painter import Asker
+        from frida_painter_studio.worker import Job, work
+
+        job = Job(folder, WebAppEasel.from_json(easel), feed, stop, Asker(folder, feed, stop))
+        work(what, job, folder.plan(int(number)))
+    except StopPressed:
+        feed.tell(Stopped())
+    except FridaError as trouble:
+        if stop.asked and isinstance(trouble, RobotStopped):
+            feed.tell(Stopped())
+        else:
+            feed.tell(Failed(str(trouble).replace(str(folder.path), "its folder")))
+    except BaseException as failure:
+        mark = secrets.token_hex(4)
+        print(mark, traceback.format_exc(), file=sys.stderr)
+        told = f"Something went wrong that should not have; its number in the log is {mark}."
+        feed.tell(Failed(str(registry.blame(failure) or told)))
+        raise
+    finally:
+        os.close(int(lock))
+        feed.tell(Rests())
+        feed.close()
+
+
+def end_at_once(folder: PaintingFolder) -> None:
+    """Reports a stop and ends the process: a planner holds no robot, and writes each file whole or not at all."""
+    feed = Feed(folder)  # another one than that of the main thread, which may be about to write
+    feed.tell(Stopped())
+    feed.close()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,456 @@
+"""Picture making: words become picture files by a maker of the person's choice, before anything is planned.
+
+The chosen picture is then a goal like any other. The folder of the pictures has `making.json` beside them, the record
+of their maker, words and seeds; it follows a picture into the folder of its painting. A record may also stand beside
+one picture alone, as NAME.making.json beside NAME.png. In the middle of a painting, pictures begin from its canvas
+(`frida_painter_together/proposing.py`).
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from frida_painter import images, registry, storage
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError, FridaError, ImageError, MakingFailed, PluginError
+from frida_painter.frames import PixelGrid
+from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.planning.problem import Region
+from frida_painter.runs.goal_item import MAKING, MAKING_FORMAT, MAKING_VERSION, GoalItem, name_of
+from frida_painter.runs.spec import RunSpec
+from frida_painter.session.opening import planning_device
+from frida_painter.storage import count_of
+
+MAX_PICTURES = 16
+USUAL_PICTURES = 4
+USUAL_MINUTES, MAX_MINUTES = 30.0, 24 * 60.0
+MAX_BYTES = 200 * 10**6
+"""Largest size of a file that a maker returns."""
+CANVAS, FREE = "canvas.png", "free.png"
+"""Files of the canvas that pictures begin from, and of the mask of its free part (white), beside the pictures."""
+STRENGTH = 0.7
+"""How much a diffusion network changes the photograph of the canvas, from 0 to 1; 1 keeps nothing of it."""
+_PIXELS, _STEP = 512 * 512, 64
+_SILENCE = 10.0  # seconds after which a maker that says nothing is said to be at work
+_SECOND = 0.5  # weight of words that a CLIP reads, relative to the picture that was made from them
+_PLAIN = 3 / 255  # a picture whose channels differ less than this over all its pixels shows nothing
+_STRETCH = 1.15  # largest factor between the proportions of the canvas and those of a picture that begins from it
+_GLANCE = 32  # rows at which a picture is compared with the canvas
+
+
+@dataclass(frozen=True)
+class PictureRequest:
+    """Pictures that a maker is asked for.
+
+    words: description of the picture, one line
+    seeds: one seed for each wanted picture
+    width, height: proportions of the canvas, as a size in pixels that suits many networks; multiples of 64
+    folder: empty folder for the files
+    device: device of the networks
+    seconds: time for all pictures together
+    stop_asked: True if the person has stopped the making; a maker asks at least once a second
+    tell: receives a sentence about the progress
+    canvas: photograph of the canvas that the pictures begin from; None before a painting
+    free: mask of the same size, white if it may be painted; None if all of it may
+    """
+
+    words: str
+    seeds: tuple[int, ...]
+    width: int
+    height: int
+    folder: Path
+    device: torch.device
+    seconds: float
+    stop_asked: Callable[[], bool] = lambda: False
+    tell: Callable[[str], None] = lambda sentence: None
+    canvas: Path | None = None
+    free: Path | None = None
+
+
+@runtime_checkable
+class PictureMaker(Protocol):
+    """Open picture maker."""
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """Facts for the record: a network, a program or an address, with hashes if there are any.
+
+        Known after `make`, at the latest.
+        """
+        ...
+
+    def make(self, request: PictureRequest) -> "Sequence[Path | MakingFailed]":
+        """Returns a picture file for each seed, in their order; the reason in place of one that could not be made.
+
+        Raises MakingFailed if there is none at all, and Interrupted if the person has stopped the making.
+        """
+        ...
+
+
+def make_each(request: PictureRequest, make: Callable[[int], Path]) -> list[Path | MakingFailed]:
+    """Returns the picture file for each seed, or the reason why there is none.
+
+    make: makes the picture of a seed, from its position in the request
+    """
+    made: list[Path | MakingFailed] = []
+    for number in range(len(request.seeds)):
+        try:
+            made.append(make(number))
+        except MakingFailed as fault:
+            made.append(fault)
+    return made
+
+
+class _Watch:
+    """Progress of a maker: if it says nothing for long, the person hears that it is at work."""
+
+    def __init__(self, name: str, tell: Callable[[str], None], stop_asked: Callable[[], bool]) -> None:
+        self._name, self._tell, self._stop_asked = name, tell, stop_asked
+        self._began = self._told = time.monotonic()
+
+    def tell(self, sentence: str) -> None:
+        self._told = time.monotonic()
+        self._tell(sentence)
+
+    def stop_asked(self) -> bool:
+        if time.monotonic() - self._told >= _SILENCE:
+            self.tell(f"{self._name} is at work, {time.monotonic() - self._began:.0f} s so far.")
+        return self._stop_asked()
+
+
+@dataclass(frozen=True)
+class PictureMakerKind:
+    """Picture maker that is chosen by its name.
+
+    name: as in `--imagine NAME:TEXT`
+    help: one sentence
+    open: returns the maker, from the text after the colon; fetches and starts nothing; raises ConfigError
+    begins_from_canvas: returns True if the maker of that text makes pictures from `PictureRequest.canvas`
+    """
+
+    name: str
+    help: str
+    open: Callable[[str], PictureMaker]
+    begins_from_canvas: Callable[[str], bool] = lambda text: False
+
+
+def require_canvas_maker(text: str) -> None:
+    """Raises ConfigError if the maker "NAME:TEXT" makes no pictures from the canvas, or if there is none."""
+    name, _ = open_picture_maker(text)
+    kind = registry.parts(registry.PICTURE_MAKERS)[name].load(PictureMakerKind)
+    if not kind.begins_from_canvas(text.partition(":")[2]):
+        raise ConfigError(
+            f"The picture maker {name!r} is not given the canvas here, so its pictures would not begin from it; a "
+            "command takes it as {canvas}."
+        )
+
+
+@dataclass(frozen=True)
+class SeenCanvas:
+    """Canvas in the middle of a painting, from which pictures begin.
+
+    picture: [3, H, W]
+    size: of the canvas
+    protected: part that no picture may change; None if there is none
+    """
+
+    picture: Tensor
+    size: CanvasSize
+    protected: Region | None = None
+
+    def save(self, folder: Path) -> tuple[Path, Path | None]:
+        """Writes the photograph, and a mask of its free part if the rest is protected; returns the files."""
+        images.save(self.picture, folder / CANVAS)
+        if self.protected is None:
+            return folder / CANVAS, None
+        closed = self.protected.on(PixelGrid(self.size, *self.picture.shape[1:]), widened=False)
+        images.save((~closed).float().expand(3, -1, -1), folder / FREE)
+        return folder / CANVAS, folder / FREE
+
+    def take(self, picture: Tensor) -> Tensor:
+        """Returns a made picture at the size of the canvas, with the protected part as it is. Raises ImageError."""
+        rows, columns = self.picture.shape[1:]
+        stretch = (picture.shape[2] / picture.shape[1]) / (columns / rows)
+        if not 1 / _STRETCH <= stretch <= _STRETCH:
+            raise ImageError(
+                f"it has {picture.shape[2]} x {picture.shape[1]} pixels, and the canvas {columns} x {rows}, so that it "
+                "does not show the whole canvas."
+            )
+        fitted = functional.interpolate(picture[None], (rows, columns), mode="bicubic", antialias=True)[0].clamp(0, 1)
+        return fitted if self.protected is None else self.protected.keep_forbidden(fitted, self.picture, self.size)
+
+    def is_ignored_by(self, picture: Tensor) -> bool:
+        """Returns True if a picture of its size is no nearer to it than to one of its mirror images.
+
+        Of a canvas that looks like its mirror images, nobody can tell.
+        """
+        seen, made = (images.resize_by_area(each, _GLANCE, _GLANCE) for each in (self.picture, picture))
+        turned = [seen.flip(dims) for dims in ((2,), (1,), (1, 2))]
+        told = [each for each in turned if float((each - seen).abs().mean()) > _PLAIN]
+        near = float((made - seen).abs().mean())
+        return any(float((made - each).abs().mean()) <= near for each in told)
+
+
+def open_picture_maker(text: str) -> tuple[str, PictureMaker]:
+    """Returns the name and the maker of "NAME" or "NAME:TEXT".
+
+    Raises ConfigError if there is none, PluginError if it is broken.
+    """
+    name, _, argument = text.partition(":")
+    known = registry.parts(registry.PICTURE_MAKERS)
+    if name not in known:
+        raise ConfigError(f"There is no picture maker called {name[:40]!r}; there are {', '.join(known)}.")
+    try:
+        maker = known[name].load(PictureMakerKind).open(argument)
+    except FridaError:
+        raise
+    except Exception as failure:  # foreign code may raise anything
+        raise PluginError(_failed(name, failure)) from failure
+    if not isinstance(maker, PictureMaker):
+        raise PluginError(f"The picture maker {name!r} opened a {type(maker).__name__}, which makes none; mend it.")
+    return name, maker
+
+
+@dataclass(frozen=True)
+class MadePicture:
+    """One made picture.
+
+    file: PNG file in the folder of the making
+    picture: [3, H, W]
+    """
+
+    file: Path
+    seed: int
+    picture: Tensor
+
+
+@dataclass(frozen=True)
+class Making:
+    """Pictures that a maker made from words.
+
+    maker: name of the maker
+    facts: what made them, by name
+    pictures: those that show something, at least one
+    best: index of the picture that is taken if nobody chooses
+    rule: phrase that says why
+    faults: sentences about pictures that were not made, show nothing, or show nothing of the canvas
+    """
+
+    words: str
+    maker: str
+    facts: Mapping[str, str]
+    folder: Path
+    pictures: tuple[MadePicture, ...]
+    best: int
+    rule: str
+    faults: tuple[str, ...] = ()
+
+    @property
+    def made_by(self) -> str:
+        """Name and facts in a line, without hashes."""
+        return ", ".join((self.maker, *(fact for name, fact in self.facts.items() if name != "sha256")))
+
+    def choose(self, index: int, why: str) -> Path:
+        """Writes the record of the making with the chosen picture, and returns its file. Raises StorageError."""
+        record = {
+            "format": MAKING_FORMAT,
+            "version": MAKING_VERSION,
+            "words": self.words, "maker": self.maker, "facts": dict(self.facts),
+            "made": datetime.now(UTC).isoformat(timespec="seconds"),
+            "pictures": [
+                {"file": one.file.name, "seed": one.seed, "sha256": storage.sha256(one.file, "a made picture")}
+                for one in self.pictures
+            ],
+            "chosen": self.pictures[index].file.name, "because": why,
+            **({"canvas": storage.sha256(canvas, "the canvas")} if (canvas := self.folder / CANVAS).exists() else {}),
+        }  # fmt: skip
+        storage.write_json(self.folder / MAKING, record)
+        return self.pictures[index].file
+
+
+def make_pictures(
+    words: str,
+    maker: str,
+    folder: Path,
+    spec: RunSpec,
+    *,
+    count: int = USUAL_PICTURES,
+    minutes: float = USUAL_MINUTES,
+    stop_asked: Callable[[], bool] = lambda: False,
+    tell: Callable[[str], None] = lambda sentence: None,
+    encoders: EncoderRegistry | None = None,
+    canvas: SeenCanvas | None = None,
+) -> Making:
+    """Makes pictures from words, in a new folder; every picture is read and checked.
+
+    maker: "NAME" or "NAME:TEXT"
+    spec: description of the painting, for canvas, seed and CLIP; its seed is that of the first picture
+    count: number of pictures, each with a seed of its own
+    minutes: time for all pictures
+    encoders: networks that compare pictures with the words. None: the fetched ones
+    canvas: canvas that the pictures begin from, in the middle of a painting
+    Raises ConfigError, WeightsError if the named CLIP cannot be loaded, MakingFailed if there is no picture to paint,
+    Interrupted after a stop, and StorageError.
+    """
+    if not 1 <= count <= MAX_PICTURES:
+        raise ConfigError(f"{count} pictures were asked for; a making has 1 to {MAX_PICTURES}.")
+    if not 0 < minutes <= MAX_MINUTES:
+        raise ConfigError(
+            f"{minutes:g} minutes were given to the making; it takes above 0 and at most {MAX_MINUTES:g}."
+        )
+    name, opened = open_picture_maker(maker)
+    device = planning_device()
+    if spec.clip is not None:  # one that cannot be loaded is told before anything is made
+        encoders = encoders or EncoderRegistry(clip=spec.clip, device=device, tell=tell)
+        encoders.clip()
+    made = storage.new_folder(folder)
+    seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
+    width, height = _size(spec)
+    faults: dict[str, MakingFailed] = {}
+    ignored: list[str] = []
+    pictures: list[MadePicture] = []
+    try:
+        with TemporaryDirectory(dir=folder, prefix=".making-") as place:
+            watch = _Watch(name, tell, stop_asked)
+            begins_from = (None, None) if canvas is None else canvas.save(folder)
+            asked = words, seeds, width, height, Path(place), device, 60 * minutes, watch.stop_asked, watch.tell
+            request = PictureRequest(*asked, *begins_from)
+            files = _ask(name, opened, request)
+            for number, (file, made_from) in enumerate(zip(files, seeds, strict=True), 1):
+                try:
+                    picture = _read(file) if canvas is None else canvas.take(_read(file))
+                except ImageError as cause:
+                    why = str(cause).replace(str(file), "it", 1).rstrip(".")
+                    faults[f"Picture {number} is left out: {why}."] = MakingFailed(
+                        f"Picture {number} of {name} cannot be painted: {why}; try other words, another --seed or "
+                        "another maker."
+                    )
+                    continue
+                except MakingFailed as fault:
+                    faults[f"Picture {number} is left out: {fault}"] = fault
+                    continue
+                target = folder / f"{name_of(words)}-{number}.png"
+                images.save(picture, target)
+                pictures.append(MadePicture(target, made_from, picture))
+                if canvas is not None and canvas.is_ignored_by(picture):
+                    ignored.append(f"Picture {number} shows nothing of the canvas.")
+        if not pictures:
+            raise next(iter(faults.values()))
+    except BaseException:
+        with suppress(OSError):
+            for left in (CANVAS, FREE):
+                (folder / left).unlink(missing_ok=True)
+            if made:
+                folder.rmdir()  # it is empty
+        raise
+    for sentence in (*faults, *ignored):
+        tell(sentence)
+    best, rule = _rank(words, [one.picture for one in pictures], encoders, request)
+    return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, (*faults, *ignored))
+
+
+def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path | MakingFailed]:
+    """Returns the files that a maker makes. Raises MakingFailed, Interrupted, and PluginError for any other failure."""
+    try:
+        files = [file if isinstance(file, MakingFailed) else Path(file) for file in maker.make(request)]
+    except FridaError:
+        raise
+    except Exception as failure:  # foreign code may raise anything
+        raise PluginError(_failed(name, failure)) from failure
+    wanted = len(request.seeds)
+    if len(files) != wanted:
+        made = "no picture" if not files else count_of(len(files), "picture")
+        raise MakingFailed(f"{name} made {made}, and was asked for {wanted}; it makes one for each seed.")
+    return files
+
+
+def _failed(name: str, failure: Exception) -> str:
+    """Returns the sentence about a maker that failed in a way that it does not foresee."""
+    why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
+    return f"The picture maker {name!r} failed ({why}); mend it, or name another."
+
+
+def _size(spec: RunSpec) -> tuple[int, int]:
+    """Returns width and height in pixels with about the proportions of the canvas, in whole steps."""
+    aspect = min(4.0, max(0.25, spec.canvas.width / spec.canvas.height))
+    width = _STEP * max(1, round(math.sqrt(_PIXELS * aspect) / _STEP))
+    return width, _STEP * max(1, round(math.sqrt(_PIXELS / aspect) / _STEP))
+
+
+def _read(file: Path | MakingFailed) -> Tensor:
+    """Returns a made picture. Raises ImageError if it cannot be read, or shows nothing, and MakingFailed."""
+    if isinstance(file, MakingFailed):
+        raise file
+    picture = images.load(file)
+    if float((picture.amax(dim=(1, 2)) - picture.amin(dim=(1, 2))).max()) < _PLAIN:
+        color = "black" if float(picture.max()) < 0.02 else "of one colour"
+        raise ImageError(f"it is {color} all over.")
+    return picture
+
+
+def _rank(
+    words: str, pictures: Sequence[Tensor], networks: EncoderRegistry | None, request: PictureRequest
+) -> tuple[int, str]:
+    """Returns the index of the picture that is nearest to the words, and a phrase that tells the rule."""
+    if len(pictures) == 1:
+        return 0, "it is the only one"
+    try:
+        networks = networks or EncoderRegistry(device=request.device, tell=request.tell)
+        reader = networks.reader()
+    except FridaError:
+        return 0, "it is the first; no network is here that compares pictures with words"
+    with torch.no_grad():
+        wanted = reader.embed_text(words)
+        views = torch.stack([images.fit(picture, reader.side, reader.side) for picture in pictures])
+        near = reader.embed_pictures(views.to(request.device)) @ wanted.to(request.device)
+    return int(near.argmax()), f"it is the nearest to the words by {reader.name}"
+
+
+def imagine(spec: RunSpec, make: Callable[[str, int], Path], networks: EncoderRegistry) -> RunSpec:
+    """Returns the description with pictures in place of words.
+
+    Words of the start become pictures of the start, and the words of the goal stay. Without words of the start, those
+    of the goal become pictures of the goal, with their weights: painted by their content if a network for it is here,
+    else pixel by pixel. A CLIP also reads the words, which then stay as a second term.
+
+    make: makes the picture of words, from the words and their number, from 1
+    networks: those of the painting
+    Raises ConfigError if there are no words, and the errors of `make`.
+    """
+    table = "initial" if any(item.kind == "text" for item in spec.initial) else "goal"
+    items: Sequence[GoalItem] = getattr(spec, table)
+    if all(item.kind != "text" for item in items):
+        raise ConfigError('--imagine makes a picture from words, and there are none; give them with --text "...".')
+    kind = "semantic" if table == "goal" and networks.sees_meaning else "image"
+    stays = table == "goal" and networks.reads_by_clip
+    made: list[GoalItem] = []
+    number = 0
+    for item in items:
+        if item.kind != "text":
+            made.append(item)
+            continue
+        number += 1
+        made.append(GoalItem(kind=kind, value=str(make(item.value, number)), weight=item.weight))
+        if stays and any(mark.isascii() and mark.isalpha() for mark in item.value):  # a CLIP reads no other alphabet
+            made.append(item.model_copy(update={"weight": _SECOND * item.weight}))
+    changes: dict[str, Any] = {table: tuple(made), "title": spec.title or spec.heading[:80]}
+    return spec.with_values(**changes)
+
+
+def remove_making(folder: Path) -> None:
+    """Removes a making: the pictures that its record names, the record, and the folder if nothing else is in it."""
+    with suppress(FridaError, OSError, KeyError, TypeError):
+        for one in storage.read_json(folder / MAKING, "the record of a making")["pictures"]:
+            (folder / Path(one["file"]).name).unlink(missing_ok=True)
+        (folder / MAKING).unlink()
+        folder.rmdir()

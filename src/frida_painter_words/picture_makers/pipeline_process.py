@@ -1,0 +1,267 @@
+"""Process of a diffusion pipeline: loads it, makes the pictures, and gives its memory back by ending."""
+
+import inspect
+import math
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+
+from frida_painter import images, storage
+from frida_painter.errors import FridaError, MakingFailed
+from frida_painter.registry import IMAGINE
+from frida_painter_words.picture_makers.diffusion import ANSWER, FAULT, TASK, TOLD
+
+_STEP = 64  # pixels; sizes are multiples of it; for small networks, of an eighth of their usual size
+_BLACK = 1 / 255
+_LONGEST = 160  # characters of a foreign library's message
+_MANY_TOKENS, _USUAL_TOKENS = 10**6, 77
+_OF_A_PICTURE = {"mask_image", "strength", "image_guidance_scale"}
+"""Arguments that only pipelines have that begin from a picture."""
+
+
+def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Returns facts, and the file of each picture or the fault in its place. Raises MakingFailed.
+
+    task: name, folder, pipeline, variant, weights, record of the hashes if there is one, steps, few, words, seeds,
+    width, height, device, strength, and the files of canvas and mask, "" for none
+    The answer is also written after each picture, so that those before an end stay.
+    """
+    name, device = task["name"], torch.device(task["device"])
+    tell(f"Reading {name}.")
+    hashes = [storage.sha256(Path(file), "the weights of a pipeline", MakingFailed) for file in task["weights"]]
+    _require_recorded(task, hashes)
+    pipeline = _load(task, device)
+    width, height = _size(pipeline, task["width"], task["height"])
+    arguments = inspect.signature(pipeline.__call__).parameters
+    begins_from = _canvas_for(arguments, task, width, height)
+    # Of these steps, an img2img pipeline does the share that is its strength.
+    steps = math.ceil(task["steps"] / begins_from.get("strength", 1.0))
+    pictures: list[dict[str, str]] = []
+    answer = {
+        "made": pictures, "size": f"{width} x {height}", "hashes": hashes, "pipeline": type(pipeline).__name__
+    }  # fmt: skip
+    for number, seed in enumerate(task["seeds"], 1):
+        given = {
+            "prompt": task["words"], "width": width, "height": height, "num_inference_steps": steps, **begins_from,
+            "generator": torch.Generator().manual_seed(seed), "output_type": "np",
+            "callback_on_step_end": _Progress(f"Picture {number} of {len(task['seeds'])}", task["steps"]).hear,
+            **({"guidance_scale": 0.0} if task["few"] and not _knows_guidance(pipeline) else {}),
+        }  # fmt: skip
+        made = pipeline(**{key: value for key, value in given.items() if key in arguments})
+        try:
+            picture = _require_picture(made, name, number, width, height)
+        except MakingFailed as fault:
+            pictures.append({"fault": str(fault)})
+        else:
+            images.save(picture, folder / f"{number}.png")
+            pictures.append({"file": f"{number}.png"})
+        storage.write_json(folder / ANSWER, answer)
+    return answer
+
+
+def _require_recorded(task: Mapping[str, Any], hashes: list[str]) -> None:
+    """Raises MakingFailed if weights are not those that were fetched."""
+    if task["record"] is None:
+        return
+    known = storage.read_json(Path(task["record"]), "the record of fetched weights", MakingFailed).get("files", {})
+    for file, sha256 in zip(task["weights"], hashes, strict=True):
+        if known.get(Path(file).relative_to(task["folder"]).as_posix()) != sha256:
+            raise MakingFailed(
+                f"{task['name']} was altered after it was fetched ({Path(file).parent.name}/{Path(file).name}); "
+                f"`frida-painter models fetch {IMAGINE}` mends it."
+            )
+
+
+def _load(task: Mapping[str, Any], device: torch.device) -> Any:
+    """Returns the pipeline on its device."""
+    import diffusers
+    from diffusers.utils import logging
+
+    name, kind = task["name"], task["pipeline"]
+    if kind not in dir(diffusers):
+        raise MakingFailed(
+            f"{name} is a {kind}, which diffusers {diffusers.__version__} does not have; install a newer one, or name "
+            "another pipeline."
+        )
+    asked = inspect.signature(getattr(diffusers, kind).__call__).parameters
+    if "prompt" not in asked or (not task["canvas"] and _OF_A_PICTURE & set(asked)):
+        raise MakingFailed(f"{name} is a {kind}, which makes no picture from words alone; name one that does.")
+    logging.set_verbosity_error()
+    logging.disable_progress_bar()
+    tell(f"Loading {name} on {device.type}.")
+    _require_whole(name)
+    loader: Any = diffusers.DiffusionPipeline
+    try:
+        pipeline = loader.from_pretrained(
+            task["folder"], variant=task["variant"], torch_dtype=_precision(device), use_safetensors=True,
+            local_files_only=True, low_cpu_mem_usage=False,
+        ).to(device)  # fmt: skip
+    except torch.OutOfMemoryError as cause:
+        raise MakingFailed(f"{name} does not fit into the memory of the GPU; name a smaller one.") from cause
+    if task["canvas"] and "image" not in asked:
+        pipeline = _for_canvas(pipeline, name, masked=bool(task["free"]))
+    pipeline.set_progress_bar_config(disable=True)
+    for part, tokenizer in pipeline.components.items():
+        if getattr(tokenizer, "model_max_length", 0) > _MANY_TOKENS:  # its settings do not tell: no number holds it
+            encoder = getattr(pipeline, part.replace("tokenizer", "text_encoder"), None)
+            most = getattr(getattr(encoder, "config", None), "max_position_embeddings", _USUAL_TOKENS)
+            tokenizer.model_max_length = min(int(most), _USUAL_TOKENS)
+    return pipeline
+
+
+def _for_canvas(pipeline: Any, name: str, *, masked: bool) -> Any:
+    """Returns the pipeline of the same networks that begins from a picture, and keeps what is masked if it can.
+
+    Raises MakingFailed if diffusers has none for these networks.
+    """
+    from diffusers import AutoPipelineForImage2Image, AutoPipelineForInpainting
+
+    kinds: tuple[Any, ...] = (AutoPipelineForInpainting,) if masked else ()
+    for kind in (*kinds, AutoPipelineForImage2Image):
+        with suppress(ValueError):  # it has no such pipeline for them
+            return kind.from_pipe(pipeline)
+    raise MakingFailed(
+        f"{name} is a {type(pipeline).__name__}, which makes no picture from the canvas; name one of Stable Diffusion, "
+        "or one that edits pictures."
+    )
+
+
+def _canvas_for(arguments: Mapping[str, Any], task: Mapping[str, Any], width: int, height: int) -> dict[str, Any]:
+    """Returns what a pipeline is given of the canvas: nothing before a painting."""
+    if not task["canvas"]:
+        return {}
+    seen = images.load_exactly(Path(task["canvas"]))
+    free = images.load_exactly(Path(task["free"])) if task["free"] else np.full_like(seen, 255)
+    canvas, mask = (Image.fromarray(each).resize((width, height), Image.Resampling.BOX) for each in (seen, free))
+    given = {"image": canvas, "mask_image": mask.convert("L"), "strength": task["strength"]}
+    return {name: value for name, value in given.items() if name in arguments}
+
+
+def _require_whole(name: str) -> None:
+    """Lets this process load no networks that lack tensors: their libraries fill them by chance, and only log it.
+
+    A pipeline cannot ask its networks what is missing, so the methods that load them are replaced.
+    """
+    from diffusers import ModelMixin
+    from transformers import PreTrainedModel
+
+    kinds: tuple[Any, ...] = (ModelMixin, PreTrainedModel)
+    for kind in kinds:
+        kind.from_pretrained = classmethod(_load_whole(kind.from_pretrained.__func__, name))
+
+
+def _load_whole(load: Callable[..., Any], name: str) -> Callable[..., Any]:
+    """Returns a method that loads a network as `load` does. It raises MakingFailed if tensors are missing."""
+
+    def loading(kind: Any, folder: str, /, **more: Any) -> Any:
+        network, told = load(kind, folder, output_loading_info=True, **more)
+        if missing := len(told["missing_keys"]):
+            raise MakingFailed(
+                f"{name} lacks {missing} of the {len(network.state_dict())} tensors of its {Path(folder).name}; take "
+                "an undamaged copy, or name another pipeline."
+            )
+        return network
+
+    return loading
+
+
+def _precision(device: torch.device) -> torch.dtype:
+    if device.type != "cuda":
+        return torch.float32
+    return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
+
+
+def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
+    """Returns the wanted proportions in the number of pixels that the network was made for."""
+    network = getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None)
+    cells, scale = (
+        getattr(getattr(network, "config", None), "sample_size", None),
+        pipeline.__dict__.get("vae_scale_factor"),
+    )
+    if not isinstance(cells, int) or not isinstance(scale, int):
+        return width, height
+    step = scale * max(1, min(cells // 8, _STEP // scale))
+    larger = cells * scale / (width * height) ** 0.5
+    return step * max(1, round(width * larger / step)), step * max(1, round(height * larger / step))
+
+
+def _knows_guidance(pipeline: Any) -> bool:
+    """Returns True for a network that was given the guidance as an input (LCM, Flux): its own default is right."""
+    config = getattr(getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None), "config", None)
+    return getattr(config, "time_cond_proj_dim", None) is not None or bool(getattr(config, "guidance_embeds", False))
+
+
+class _Progress:
+    """Steps of one picture, told with the time that is left."""
+
+    def __init__(self, label: str, steps: int) -> None:
+        self._label, self._steps, self._began = label, steps, time.monotonic()
+
+    def hear(self, pipeline: Any, step: int, timestep: Any, arguments: dict[str, Any]) -> dict[str, Any]:
+        count = max(self._steps, getattr(pipeline, "_num_timesteps", 0) or 0)
+        left = (time.monotonic() - self._began) / (step + 1) * (count - step - 1)
+        more = f", about {left:.0f} s left" if left >= 1 else ""
+        tell(f"{self._label}: step {step + 1} of {count}{more}.")
+        return arguments
+
+
+def _require_picture(made: Any, name: str, number: int, width: int, height: int) -> torch.Tensor:
+    """Returns the only picture that the pipeline made, [3, H, W]. Raises MakingFailed if it is none."""
+    pictures = getattr(made, "images", None)
+    if pictures is None:
+        raise MakingFailed(f"{name} returned a {type(made).__name__} without pictures; name one that makes pictures.")
+    if len(pictures) != 1:
+        raise MakingFailed(f"{name} returned {storage.count_of(len(pictures), 'picture')} for one seed; it makes one.")
+    values = torch.as_tensor(pictures[0])
+    if tuple(values.shape) != (height, width, 3):
+        raise MakingFailed(
+            f"{name} returned a picture of the shape {tuple(values.shape)} where {(height, width, 3)} was asked for; "
+            "name another."
+        )
+    if not bool(torch.isfinite(values).all()):
+        raise MakingFailed(f"Picture {number} of {name} holds values that are no numbers (NaN); name another.")
+    flagged = getattr(made, "nsfw_content_detected", None)
+    if flagged and flagged[0] and float(values.max()) <= _BLACK:
+        tell(f"The safety checker of {name} made picture {number} black; try another --seed or other words.")
+    return values.permute(2, 0, 1).to(torch.float32).clamp(0, 1)
+
+
+def main() -> None:
+    """Does the task in the folder that the command line names; the process also ends if its parent does."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    folder = Path(sys.argv[1])
+    try:
+        storage.write_json(folder / ANSWER, _make(storage.read_json(folder / TASK, "a task"), folder))
+    except FridaError as fault:
+        sentence = str(fault)
+    except Exception as failure:  # foreign libraries may raise anything
+        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:_LONGEST].rstrip(".")
+        sentence = f"The pipeline failed ({why}); name another, or try it without frida-painter."
+    else:
+        return
+    storage.write_text(folder / FAULT, sentence)
+    sys.exit(1)
+
+
+def tell(sentence: str) -> None:
+    """Tells the person a sentence."""
+    print(f"{TOLD}{sentence}", file=sys.stderr, flush=True)
+
+
+def _end_with_parent() -> None:
+    while os.read(0, 1):  # ends when the parent does, which holds the other end; sys.stdin would hold a lock at exit
+        pass
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,249 @@
+"""Picture maker `http`: a service of the person's own, which is sent the words and returns a picture."""
+
+import base64
+import binascii
+import json
+import re
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from http.client import HTTPException, HTTPMessage, HTTPResponse
+from pathlib import Path
+from queue import Empty, Queue
+from typing import IO, Any
+from urllib.parse import SplitResult, urlsplit, urlunsplit
+
+from frida_painter import storage
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.transfer import TOO_SLOW, Transfer
+from frida_painter_words.picture_makers.making import MAX_BYTES, STRENGTH, PictureMakerKind, PictureRequest, make_each
+from frida_painter_words.picture_makers.program import MORE_TIME
+
+_EXAMPLE = "http:http://localhost:7860/picture"
+_GLANCE = 0.05  # seconds between two looks whether the person has stopped
+_CHUNK = 2**20
+_MAX_REDIRECTS = 5
+_MAX_SAID = 4096  # bytes of a service's sentence about its own fault
+
+
+@dataclass(frozen=True)
+class ServiceMaker:
+    """Address that is asked once for each picture.
+
+    address: http or https
+    """
+
+    address: str
+
+    @classmethod
+    def parse(cls, text: str) -> "ServiceMaker":
+        """Returns the maker of an address; "//HOST/..." is one of http. Asks nothing. Raises ConfigError."""
+        address = f"http:{text}" if text.startswith("//") else text
+        parts = _split(address)
+        if (
+            parts is None
+            or parts.scheme not in ("http", "https")
+            or not parts.hostname
+            or not address.isascii()
+            or any(mark.isspace() or not mark.isprintable() for mark in address)
+        ):
+            raise ConfigError(f"{text[:80]!r} is no address of a service; write for example {_EXAMPLE}.")
+        if parts.username is not None or parts.password is not None:
+            raise ConfigError(
+                "The address of the service holds a name or a password, which the painting's record would keep; give "
+                "one without."
+            )
+        return cls(address)
+
+    @property
+    def facts(self) -> Mapping[str, str]:
+        """Address, without what follows the path: a key may stand there."""
+        parts = urlsplit(self.address)
+        return {"address": f"{parts.scheme}://{parts.netloc}{parts.path}"}
+
+    def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
+        """Returns a picture file for each seed, or a reason. Raises Interrupted."""
+        until = time.monotonic() + request.seconds
+        parts = urlsplit(self.address)
+        plain = ", unencrypted" if parts.scheme == "http" else ""
+        sent = "Your words, the seed and the size" if request.canvas is None else "Your words and the canvas"
+        request.tell(f"{sent} are sent to {parts.netloc}{plain}.")
+        return make_each(request, lambda number: self._ask(request, number, until))
+
+    @property
+    def _address_for_canvas(self) -> str:
+        """Address that makes pictures from a picture: of txt2img, it is img2img."""
+        parts = urlsplit(self.address)
+        return urlunsplit(parts._replace(path=re.sub("txt2img$", "img2img", parts.path)))
+
+    def _ask(self, request: PictureRequest, number: int, until: float) -> Path:
+        """Asks once, in a thread that is left behind if the person stops, or the time is over."""
+        address = self.address if request.canvas is None else self._address_for_canvas
+        host, count = urlsplit(address).netloc, len(request.seeds)
+        request.tell(f"{host} makes picture {number + 1} of {count}.")
+        seconds, told, answers = until - time.monotonic(), Queue[str](), Queue[bytes | MakingFailed]()
+        if seconds <= 0:
+            raise MakingFailed(f"The service {host} was not asked any more, because the time was over; {MORE_TIME}.")
+
+        def ask() -> None:
+            try:
+                answers.put(_ask(address, _write_question(request, number), seconds, told.put))
+            except MakingFailed as fault:
+                answers.put(fault)
+
+        threading.Thread(target=ask, name=f"question to {host}", daemon=True).start()
+        while True:
+            while not told.empty():
+                request.tell(told.get())
+            try:
+                answer = answers.get(timeout=_GLANCE)
+                break
+            except Empty:
+                if request.stop_asked():
+                    raise Interrupted("You stopped the making of pictures.") from None
+                if time.monotonic() >= until:
+                    raise MakingFailed(
+                        f"The service {host} was not finished after {seconds:.0f} s; {MORE_TIME}."
+                    ) from None
+        if isinstance(answer, MakingFailed):
+            raise answer
+        folder = request.folder / str(number + 1)
+        folder.mkdir()
+        storage.write_bytes(folder / "picture", answer)
+        return folder / "picture"
+
+
+class _SameHost(urllib.request.HTTPRedirectHandler):
+    """Redirects: the question is sent again to the same host, and to no other."""
+
+    max_redirections = _MAX_REDIRECTS
+
+    def redirect_request(
+        self, req: urllib.request.Request, fp: IO[bytes], code: int, msg: str, headers: HTTPMessage, newurl: str
+    ) -> urllib.request.Request:
+        """Returns the question for the new address. Raises MakingFailed if that is another host."""
+        old, new = urlsplit(req.full_url), urlsplit(newurl)
+        if (old.scheme, old.netloc) != (new.scheme, new.netloc):
+            fp.close()
+            raise MakingFailed(
+                f"The service {old.netloc} redirects to {new.scheme}://{new.netloc[:80]}, which nobody named; give "
+                "that address if you trust it."
+            )
+        return urllib.request.Request(newurl, data=req.data, headers=dict(req.header_items()), method=req.method)
+
+
+def _write_question(request: PictureRequest, number: int) -> dict[str, Any]:
+    """Returns what a service is sent; the canvas as the API of the Stable Diffusion web UI has it."""
+    question: dict[str, Any] = {
+        "words": request.words, "prompt": request.words, "seed": request.seeds[number],
+        "width": request.width, "height": request.height,
+    }  # fmt: skip
+    if request.canvas is not None:
+        question |= {"denoising_strength": STRENGTH, "init_images": [_in_base64(request.canvas)]}
+    return question if request.free is None else {**question, "mask": _in_base64(request.free)}
+
+
+def _ask(address: str, question: Mapping[str, Any], seconds: float, tell: Callable[[str], None]) -> bytes:
+    """Asks a service once, and returns the picture file. Raises MakingFailed."""
+    host = urlsplit(address).netloc
+    headers = {"Content-Type": "application/json", "Accept": "image/*, application/json", "User-Agent": "frida-painter"}
+    request = urllib.request.Request(address, json.dumps(question).encode(), headers, method="POST")
+    try:
+        with urllib.request.build_opener(_SameHost).open(request, timeout=seconds) as answer:
+            kind = answer.headers.get_content_type()
+            if not (kind.startswith("image/") or kind == "application/json"):
+                raise MakingFailed(
+                    f"The service {host} returned {kind[:60]}, not a picture; it returns image/* or JSON with base64."
+                )
+            # Base64 has four characters for three bytes; the rest is for other fields.
+            most = MAX_BYTES if kind.startswith("image/") else MAX_BYTES * 4 // 3 + _CHUNK
+            length = answer.headers.get("Content-Length", "")
+            size = int(length) if length.isdecimal() else None
+            if size is not None and size > most:
+                raise _too_much(host, most)
+            content = _read(answer, host, most, Transfer(f"{host} sent", size, tell))
+            if size is not None and len(content) < size:
+                raise MakingFailed(
+                    f"The service {host} broke off after {len(content)} of {size} bytes; try again, or mend it."
+                )
+    except urllib.error.HTTPError as cause:
+        with cause:
+            why = " ".join(str(cause.reason).split())[:80] + _said_in(cause)
+        raise MakingFailed(f"The service {host} answers {cause.code} {why}; mend it, or name another.") from cause
+    except (HTTPException, OSError, ValueError) as cause:
+        reason = cause.reason if isinstance(cause, urllib.error.URLError) else cause
+        said = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
+        why = " ".join(said.split())[:160]
+        raise MakingFailed(f"The service {host} cannot be asked ({why}); start it, or mend the address.") from cause
+    return content if kind.startswith("image/") else _picture_in(content, host)
+
+
+def _in_base64(file: Path) -> str:
+    return base64.b64encode(storage.read_bytes(file, "the canvas", MAX_BYTES, MakingFailed)).decode()
+
+
+def _said_in(fault: urllib.error.HTTPError) -> str:
+    """Returns what a service says about its own fault, as the end of a sentence; "" for a page or nothing."""
+    try:
+        text = fault.read(_MAX_SAID).decode("utf-8", "replace")
+    except (HTTPException, OSError, ValueError):
+        return ""
+    plain = " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
+    return f" ({plain[:160].rstrip('.')})" if plain and not plain.startswith("<") else ""
+
+
+def _read(answer: HTTPResponse, host: str, most: int, transfer: Transfer) -> bytes:
+    """Returns a whole body of at most `most` bytes."""
+    chunks, size = [], 0
+    while chunk := answer.read1(_CHUNK):  # read would wait until all of it is there
+        size += len(chunk)
+        if size > most:
+            raise _too_much(host, most)
+        if not transfer.hear(size):
+            raise MakingFailed(f"The service {host} is too slow: {TOO_SLOW}; mend it, or name a quicker one.")
+        chunks.append(chunk)
+    return b"".join(chunks)
+
+
+def _too_much(host: str, most: int) -> MakingFailed:
+    return MakingFailed(f"The service {host} sends more than {storage.megabytes(most)}; a picture file is smaller.")
+
+
+def _picture_in(content: bytes, host: str) -> bytes:
+    """Returns the picture file in a JSON answer: image, the only one of images, or data[0].b64_json."""
+    try:
+        body = json.loads(content)
+        found = body["image"] if "image" in body else body["images"] if "images" in body else body["data"]
+        if isinstance(found, list):
+            if len(found) != 1:
+                raise MakingFailed(
+                    f"The service {host} returned {storage.count_of(len(found), 'picture')} for one "
+                    "seed; it returns one."
+                )
+            found = found[0]["b64_json"] if isinstance(found[0], dict) else found[0]
+        return base64.b64decode(found.partition(",")[2] if found.startswith("data:") else found, validate=True)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError, binascii.Error) as cause:
+        raise MakingFailed(
+            f"The service {host} returned JSON without a picture; it holds base64 as image, or one in images."
+        ) from cause
+
+
+def _split(address: str) -> SplitResult | None:
+    """Returns the parts of an address, None if it has none."""
+    try:
+        parts = urlsplit(address)
+        return parts if parts.port != 0 else None
+    except ValueError:
+        return None
+
+
+HTTP = PictureMakerKind(
+    "http",
+    "A service of yours at an address: it is sent JSON with words, seed, width and height, and returns a picture file, "
+    "or JSON with one in base64 as image. In a painting it is sent the canvas too, as init_images.",
+    ServiceMaker.parse,
+    lambda text: True,
+)
