@@ -35,7 +35,7 @@ $(VENV)/dev: $(VENV)/installed
 	@touch $@ $(VENV)/web
 
 $(VENV)/nightly: $(VENV)/dev
-	@echo "Installing what only the nightly run needs, 1.5 GB: Ray, Triton, a simulated Franka, the site's tools."
+	@echo "Installing what only the nightly run needs, 1.3 GB: Triton, a simulated Franka, the site's tools."
 	@$(ADD) '.[nightly]'
 	@touch $@ $(VENV)/docs
 
@@ -82,7 +82,7 @@ test: lint browser downloads
 quick: install downloads
 	$(BIN)/python tools/run_tests.py --quick $(OPTIONS)
 
-# The whole suite with all packages and more examples of each property: `make test` skips what needs Ray, Triton, a
+# The whole suite with all packages and more examples of each property: `make test` skips what needs Triton, a
 # simulated Franka, vpype or MkDocs.
 nightly: $(VENV)/nightly
 	@$(MAKE) test OPTIONS="--hypothesis-profile nightly $(OPTIONS)"
