@@ -90,7 +90,7 @@ def read(sheet: Path) -> list[dict[str, str]]:
 def test_help_doctor_and_errors_list_it(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
     goal_kinds.cache_clear()
-    _, said = run("paint", "--help")
+    _, said = run("paint", "--help-all")
     assert "--mirror" in said and "Make the painting its own mirror image" in said
     assert re.search(r",[\s│]*rosbridge,[\s│]*trace\.", said) and re.search(r"none,[\s│]*rpicam\.", said)
     status, said = run("doctor")
