@@ -62,7 +62,7 @@ PLANNERS = "frida_painter.planners"
 MIXERS = "frida_painter.mixers"
 ENCODERS = "frida_painter.encoders"
 PICTURE_LIBRARIES = "frida_painter.picture_libraries"
-PICTURE_MAKERS = "frida_painter_words.picture_makers"
+PICTURE_MAKERS = "frida_painter.picture_makers"
 
 _GROUPS = "frida_painter."
 
