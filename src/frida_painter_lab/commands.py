@@ -90,11 +90,11 @@ class ExperimentRow:
 
     name: of its command
     question: its purpose in one sentence
-    place: module in lab/ and class
+    place: module of frida_painter_lab and class
     takes: its options besides those of all experiments
     seeds: default of --seeds
     shipped: pictures for each of its options for pictures, if the person gives none: their names, or the name of a
-        list in lab/targets
+        list in targets/
     quick: number of these pictures in a quick run; None for all
     """
 

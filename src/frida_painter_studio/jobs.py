@@ -109,7 +109,7 @@ class TeachingRequest(KeptRequest):
 class JobState:
     """State of a job.
 
-    question: open question, in the form of web/painter.py.
+    question: open question, in the form of painter.py.
     progress: in words.
     trouble: sentence about the last error.
     ended: False from its beginning until it has said how it ended.

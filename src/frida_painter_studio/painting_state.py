@@ -230,7 +230,7 @@ class PaintingState:
     trouble: sentence about the last error, until other work begins.
     stopped: True after a stop.
     queued: "plan" or "paint" if this job waits in the studio's queue, else "".
-    question: open question, in the form of web/painter.py.
+    question: open question, in the form of painter.py.
     version: number that grows with every event.
     times: what its work took.
     """

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _LOCAL = "127.0.0.1"
 MAX_MINUTES, USUAL_MINUTES = 1440, 30.0
-"""Limits of a making, as in picture_makers/making.py, which loads tensors."""
+"""Limits of a making, as in frida_painter_words/picture_makers/making.py, which loads tensors."""
 _OPENING = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>Open the studio</title>
 <meta http-equiv="refresh" content="0;url={link}"><p><a href="{link}">Open the studio</a></p></html>"""
 

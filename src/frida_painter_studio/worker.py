@@ -1,4 +1,4 @@
-"""Jobs of a worker process: it plans, paints or calibrates; web/worker_process.py starts them."""
+"""Jobs of a worker process: it plans, paints or calibrates; worker_process.py starts them."""
 
 import time
 from contextlib import suppress

@@ -1,4 +1,4 @@
-// What the studio's server tells the page: web/painting_state.py, web/jobs.py, web/studio_folder.py; and what views get from main.js.
+// What the studio's server tells the page: painting_state.py, jobs.py, studio_folder.py; and what views get from main.js.
 
 interface Term { kind: string; picture?: string | null; words?: string | null; weight: number; crop?: number[] | null; made?: string | null }
 interface Wish {
@@ -28,11 +28,11 @@ interface State {
 }
 type Command = { kind: "pause" | "go on" | "finish" | "look" | "free" } | { kind: "leave out"; count: number } | { kind: "turns"; count: number; minutes?: number; policy?: string; keep?: string }
   | { kind: "propose"; words: string; maker: string } | { kind: "end making" } | { kind: "protect"; picture: string; only: boolean } | { kind: "picture"; picture: string } | { kind: "goal"; request: Wish }
-  | { kind: "paint"; brush: string; paint: number; points: number[][] }; // web/commands.py
+  | { kind: "paint"; brush: string; paint: number; points: number[][] }; // commands.py
 interface Strokes { height: number; paths: number[][][]; widths: number[]; paint: number[] }
-interface Ability { ready: boolean; missing: string[]; fetch: string[]; advice: string; label: string; verb: string; words: boolean } // web/web_studio.py
+interface Ability { ready: boolean; missing: string[]; fetch: string[]; advice: string; label: string; verb: string; words: boolean } // web_studio.py
 interface Making { words: string; maker: string; pictures: { picture: string; seed: number }[]; best: number; rule: string; faults: string[] }
-interface ImaginingState { version: number; working: boolean; words: string; maker: string; progress: string; stopped: boolean; trouble: string; makings: Making[] } // web/jobs.py
+interface ImaginingState { version: number; working: boolean; words: string; maker: string; progress: string; stopped: boolean; trouble: string; makings: Making[] } // jobs.py
 interface House {
   notice(sentence: string, label?: string, work?: () => void): void;
   attempt<T>(work: () => Promise<T>): Promise<T | undefined>;

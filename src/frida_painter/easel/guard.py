@@ -2,7 +2,7 @@
 
 The guard wraps a driver, in the process that owns the robot. It does not trust the driver: it abandons a call that
 does not return, refuses invalid reports, and stops and latches the robot after any fault. The driver's own checks
-are in hardware/drivers/interlock.py.
+are in hardware/interlock.py.
 """
 
 import contextlib

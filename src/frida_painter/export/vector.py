@@ -262,7 +262,7 @@ def table(plan: Plan) -> str:
     )
     for number, (layer, paint, color, path, angle, length, bend, thickness) in enumerate(groups, start=1):
         family, ends = families[number - 1], path
-        if family:  # its path is many curves: `export --format svg` and `gcode` have them
+        if family:  # its path is many curves: `export --to svg` and `gcode` have them
             ends = (paths[number - 1].double() * 1000)[[0, -1], [0, -1]].flatten().tolist()
             path = []
         shape = (*ends[:2], *ends[-2:], angle, length, bend)

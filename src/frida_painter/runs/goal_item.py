@@ -194,7 +194,7 @@ def _spoken(mark: str) -> str:
     return "" if category in ("Cf", "Mn", "Sk") and not unicodedata.combining(mark) else mark
 
 
-# Records of pictures that were made from words (picture_makers/making.py)
+# Records of pictures that were made from words (frida_painter_words/picture_makers/making.py)
 
 MAKING = "making.json"
 """Record of a making, beside its pictures."""

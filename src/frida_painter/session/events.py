@@ -272,7 +272,7 @@ class PaintingKept(Written):
 
 
 class Asked(Written):
-    """Question to a person, in the form of web/painter.py."""
+    """Question to a person, in the form of frida_painter_studio/painter.py."""
 
     question: dict[str, Any]
 

@@ -4,7 +4,7 @@ import * as api from "./api.js";
 import { draftIsBegun, fresh, keepDraft } from "./composer.js";
 import { h } from "./dom.js";
 
-// web/examples/README.md says where their pictures come from, and how they were painted.
+// frida_painter_studio/examples/README.md says where their pictures come from, and how they were painted.
 const EXAMPLES = [
   { name: "coffee", title: "A cup of coffee" },
   { name: "cat", title: "Chelsea the cat" },
