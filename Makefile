@@ -20,7 +20,7 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV)
 
 $(VENV)/installed: $(PINS) | $(BIN)/python
-	@echo "Installing what painting needs, PyTorch and 30 smaller packages: one to two minutes with pip, half a minute with uv."
+	@echo "Installing what painting needs, PyTorch and some 40 smaller packages: one to two minutes with pip, half a minute with uv."
 	@$(ADD) .
 	@touch $@
 
