@@ -97,11 +97,13 @@ class SettingOption(OptionInfo):
         self._setting = setting
 
     def __getattribute__(self, name: str) -> Any:
-        if name in ("help", "metavar"):
+        if name in ("help", "metavar", "show_default"):
             from frida_painter.runs.settings import about, help_of
             from frida_painter.runs.spec import RunSpec
 
             field = RunSpec.model_fields[self._setting]
+            if name == "show_default":
+                return about(field)["usual"] or True
             return help_of(field) if name == "help" else about(field)["value"] or "X"
         return super().__getattribute__(name)
 

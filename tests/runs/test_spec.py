@@ -114,6 +114,12 @@ def toml(tmp_path: Path, content: str | bytes) -> Path:
     return path
 
 
+def test_a_settings_file_may_name_a_former_setting_at_its_fixed_value(tmp_path: Path) -> None:
+    assert RunSpec.from_toml(toml(tmp_path, "strokes = 9\nsharpness = 0.3\n")).strokes == 9
+    with pytest.raises(ConfigError, match="sharpness"):
+        RunSpec.from_toml(toml(tmp_path, "sharpness = 0.5\n"))
+
+
 def test_a_file_is_read_and_the_command_line_goes_before_it(tmp_path: Path) -> None:
     path = toml(tmp_path, 'strokes = 50\ncolors = 5\ncanvas = "30x20cm"\neffort = 0.5\n')
     chosen = RunSpec.from_toml(path, colors=7)

@@ -201,7 +201,8 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
         for name in (*FILES, "paints"):
             if isinstance(values.get(name), str) and values[name] not in NAMED_PAINTS:
                 values[name] = path.parent / values[name]
-        return cls.of(**{**values, **overrides})
+        kept = {name: value for name, value in values.items() if (name, value) not in FORMER.items()}
+        return cls.of(**{**kept, **overrides})
 
     def with_values(self, **settings: Any) -> Self:
         """Returns a checked copy with other values. Raises ConfigError."""
