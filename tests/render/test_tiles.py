@@ -126,7 +126,7 @@ def darkened(device: torch.device) -> planning.PlanningProblem:
 def test_a_plan_is_optimised_in_tiles_without_a_wait(monkeypatch) -> None:
     strokes = some_strokes(3)
     here, _ = optimize(strokes, darkened(torch.device("cpu")), iterations=9)
-    monkeypatch.setattr("frida_painter.render.painting._in_tiles", lambda canvas: canvas.device.type == "meta")
+    monkeypatch.setattr("frida_painter.render.painting._find_renderer", lambda canvas: tiles)
     kernels = SimpleNamespace(lay=Unwrapped(tiles.tile_kernels.lay), pull=Unwrapped(tiles.tile_kernels.pull))
     monkeypatch.setattr(tiles, "tile_kernels", kernels)
     with elsewhere() as device:

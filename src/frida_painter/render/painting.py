@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Mapping, Sequence
-from importlib import import_module
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
@@ -91,9 +90,13 @@ def composite(
 def _find_renderer(canvas: Tensor) -> Any:
     """Returns the module that paints strokes fastest on this canvas; each loads its compiler at its first use."""
     if compiles_for(canvas):
-        return import_module("frida_painter.render.scanline")
+        from frida_painter.render import scanline
+
+        return scanline
     if canvas.device.type == "cuda" and find_spec("triton") is not None:
-        return import_module("frida_painter.render.tiles")
+        from frida_painter.render import tiles
+
+        return tiles
     return reference
 
 
