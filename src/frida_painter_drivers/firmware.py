@@ -94,7 +94,7 @@ class AnyFirmware(ABC):
         until, reset = time.monotonic() + FLOOD, self._was_reset
         self._listens = False
         while time.monotonic() < until and (
-            self._hear(0.02) is not None or (self._line.holds_part and self._hear(2 * SLICE) is not None)
+            self._hear(0.02) is not None or (self._line.holds_part and self._hear(10 * SLICE) is not None)
         ):
             pass
         self._listens = True

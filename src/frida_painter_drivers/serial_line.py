@@ -79,8 +79,8 @@ class SerialLine:
         return bool(self._rest)
 
     def drop_part(self) -> None:
-        """Forgets the beginning of a line whose end was lost, because nobody read and the system's buffer was full."""
-        self._rest = b""
+        """Forgets the beginning of a line whose end was lost as the system's buffer was full; whole lines stay."""
+        self._rest = self._rest[: self._rest.rfind(b"\n") + 1]
 
     def stop_line(self, content: bytes) -> StopLine | None:
         """Returns the open port with the bytes that stop its machine; None once it is closed."""

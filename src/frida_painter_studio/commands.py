@@ -348,9 +348,9 @@ class Inbox:
 
     def listen(self) -> list[Message]:
         """Returns new messages in order, without invalid, late or earlier ones."""
-        found = [each for line in self._reader.read() if (each := self._parse(line)) is not None]
-        self._heard |= {each.nonce for each in found}
-        return found
+        found = {each.nonce: each for line in self._reader.read() if (each := self._parse(line)) is not None}
+        self._heard |= found.keys()
+        return list(found.values())
 
     def _parse(self, line: dict[str, Any]) -> Message | None:
         try:

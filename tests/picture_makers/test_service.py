@@ -245,3 +245,15 @@ def test_a_password_is_refused_and_a_key_is_not_recorded() -> None:
     with pytest.raises(ConfigError, match="holds a name or a password"):
         ServiceMaker.parse("https://me:secret@host/make")
     assert ServiceMaker.parse("https://host/make?key=secret").facts == {"address": "https://host/make"}
+
+
+def test_a_question_that_fails_in_another_way_is_told_at_once(
+    tmp_path: Path, server: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*given: object) -> bytes:
+        raise RuntimeError("out of luck")
+
+    monkeypatch.setattr(service, "_ask", fail)
+    began = time.monotonic()
+    (fault,) = ServiceMaker.parse(f"http://{server.host}/make").make(ask(tmp_path))
+    assert isinstance(fault, MakingFailed) and "out of luck" in str(fault) and time.monotonic() - began < 2

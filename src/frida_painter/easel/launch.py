@@ -25,15 +25,10 @@ class EaselLaunch:
         self.complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
         sockets = its_wire.fileno(), its_line.fileno()
         self.process = python_process.start(
-            "-m",
-            "frida_painter.easel.host",
-            *sockets,
-            robot,
-            pass_fds=sockets,
-            stdout=subprocess.DEVNULL,
-            stderr=self.complaints,
+            "-m", "frida_painter.easel.host", *sockets, robot,
+            pass_fds=sockets, stdout=subprocess.DEVNULL, stderr=self.complaints,
             start_new_session=True,  # Ctrl-C at the terminal is for the painting process only
-        )
+        )  # fmt: skip
         its_wire.close()
         its_line.close()
         self._taken_over = False

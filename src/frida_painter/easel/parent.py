@@ -68,9 +68,7 @@ class LastStop:
         if not self.connected or self.latch is None:
             return RobotAbandoned(f"{told}The robot was not connected, and did not move.", held=False, latched=False)
         if isinstance(self.latch, Unlatched):
-            return RobotAbandoned(
-                f"{told}The robot was a simulated one; resume the painting.", held=False, latched=False
-            )
+            return RobotAbandoned(f"{told}It was a simulated robot; resume the painting.", held=False, latched=False)
         told += (
             "This process told the machine to hold over the same line. "
             if self.held

@@ -6,10 +6,11 @@ dataclasses of these. Errors travel by name, sentence and fields. Nothing that c
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from contextlib import suppress
+from dataclasses import dataclass, is_dataclass
 from functools import cache
-from types import MappingProxyType, NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from types import MappingProxyType, NoneType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import torch
@@ -75,13 +76,17 @@ class Request:
         """
         if (method := getattr(target, self.method, None)) is None:
             raise _unknown(self.part, self.method)
-        result = method(**{name: unpack(value, self.types[name], arrays) for name, value in told.items()})
-        found: Arrays = {}
-        return {"result": pack(result, self.types["return"], found)}, found
+        found = self.signature.bind(None, **{name: unpack(told[name], self.types[name], arrays) for name in told})
+        result = method(*found.args[1:], **found.kwargs)  # a driver may call its arguments by other names
+        sent: Arrays = {}
+        return {"result": pack(result, self.types["return"], sent)}, sent
 
     def result(self, words: Mapping[str, Any], arrays: Arrays) -> Any:
-        """Returns the result in the answer to this request."""
-        return unpack(words["result"], self.types["return"], arrays)
+        """Returns the result in the answer to this request. Raises RobotError if it does not fit."""
+        try:
+            return unpack(words["result"], self.types["return"], arrays)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise RobotError(f"The easel's process told of {self.method!r} what cannot be ({error}).") from error
 
 
 @cache
@@ -135,6 +140,9 @@ def make_remote(part: str, base: type[Remote] = Remote) -> Any:
 
 def pack(value: Any, kind: Any, arrays: Arrays) -> Any:
     """Returns a value of a type as plain values; puts its arrays into `arrays` and leaves their names."""
+    kind = _without_none(kind)
+    if kind in (NoneType, bool):
+        return bool(value) if kind is bool else None
     if isinstance(value, Tensor):
         value = value.detach().cpu().numpy()
     if _is_array(kind) or isinstance(value, np.ndarray):
@@ -143,8 +151,8 @@ def pack(value: Any, kind: Any, arrays: Arrays) -> Any:
         arrays[name] = array if array.dtype.str in ARRAY_KINDS else array.astype(np.float64)
         return name
     if is_dataclass(value):
-        types = get_type_hints(type(value))
-        return {one.name: pack(getattr(value, one.name), types[one.name], arrays) for one in fields(value)}
+        types = get_type_hints(kind if is_dataclass(kind) else type(value))  # a subclass may have more
+        return {name: pack(getattr(value, name), types[name], arrays) for name in types}
     if isinstance(value, tuple | list):
         return [pack(one, None, arrays) for one in value]
     return value.item() if isinstance(value, np.generic) else value
@@ -152,14 +160,14 @@ def pack(value: Any, kind: Any, arrays: Arrays) -> Any:
 
 def unpack(plain: Any, kind: Any, arrays: Arrays) -> Any:
     """Returns the value of a type from plain ones. Raises KeyError, TypeError or ValueError if they do not fit it."""
+    if plain is None and NoneType in get_args(kind):
+        return None
+    kind = _without_none(kind)
     origin, inner = get_origin(kind), get_args(kind)
-    if origin in (Union, UnionType):
-        if plain is None and NoneType in inner:
-            return None
-        (kind,) = (one for one in inner if one is not NoneType)
-        return unpack(plain, kind, arrays)
+    if kind is Tensor:
+        return torch.from_numpy(arrays[plain])
     if _is_array(kind):
-        return torch.from_numpy(arrays[plain]) if kind is Tensor else arrays[plain]
+        return arrays[plain].astype(get_args(inner[1])[0], copy=False)
     if is_dataclass(kind):
         types = get_type_hints(kind)
         return kind(**{name: unpack(value, types[name], arrays) for name, value in plain.items()})  # type: ignore[operator]
@@ -174,6 +182,11 @@ def unpack(plain: Any, kind: Any, arrays: Arrays) -> Any:
     return plain
 
 
+def _without_none(kind: Any) -> Any:
+    """Returns the type beside None of a type that may be None; any other type as it is."""
+    return next(one for one in get_args(kind) if one is not NoneType) if NoneType in get_args(kind) else kind
+
+
 def _is_array(kind: Any) -> bool:
     return kind is Tensor or get_origin(kind) is np.ndarray
 
@@ -185,12 +198,14 @@ def encode_error(error: FridaError) -> dict[str, Any]:
     """Returns an error as plain values for the other end, which converts it back with `decode_error`."""
     taken = inspect.signature(type(error).__init__).parameters
     told = {name: value for name, value in vars(error).items() if name in taken}
-    return {"error": type(error).__name__, "message": str(error), "details": told}
+    plain = {name: value if isinstance(value, int | float | None) else str(value) for name, value in told.items()}
+    return {"error": type(error).__name__, "message": str(error), "details": plain}
 
 
 def decode_error(answer: Mapping[str, Any]) -> FridaError:
-    """Returns the error that the other end reported, with its fields; a RobotError if its class is unknown."""
-    kind = getattr(errors, str(answer["error"]), None)
+    """Returns the error that the other end reported, with its fields; a RobotError if class or fields are unknown."""
+    kind, message = getattr(errors, str(answer["error"]), None), str(answer.get("message", ""))
     if isinstance(kind, type) and issubclass(kind, FridaError):
-        return kind(str(answer["message"]), **answer["details"])
-    return RobotError(str(answer["message"]))
+        with suppress(TypeError):
+            return kind(message, **answer.get("details", {}))
+    return RobotError(message)

