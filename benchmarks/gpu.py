@@ -33,7 +33,7 @@ NO_GPU = (
     "--quick"
 )
 PARTS = ("mean", "variance", "to the maps", "to the places", "to the colours", "to the canvas")
-MOST = {"float32": (1e-5, 1e-5, 1e-3, 2.5e-2, 1e-3, 1e-3), "float64": (1e-9,) * 6}  # differences of each
+MAX_DIFFERENCES = {"float32": (1e-5, 1e-5, 1e-3, 2.5e-2, 1e-3, 1e-3), "float64": (1e-9,) * 6}  # differences of each
 AGREES, ITERATES, PLANS = "agreement", "iteration", "plan"
 GOALS = ("photograph", "photograph, again", "style", "words")
 
@@ -63,7 +63,7 @@ class Gpu(Benchmark):
         assert self.device
         sizes = [(64, 6)] if self.quick else [(rows, n) for rows in (256, 512, 1024) for n in (100, 400, 1000, 5000)]
         return [
-            *(Run({"what": AGREES, "of": precision}) for precision in MOST),
+            *(Run({"what": AGREES, "of": precision}) for precision in MAX_DIFFERENCES),
             *(Run({"what": ITERATES, "of": f"{rows} rows, {count} strokes"}) for rows, count in sizes),
             *(Run({"what": PLANS, "of": goal}) for goal in GOALS),
         ]
@@ -159,7 +159,7 @@ class Gpu(Benchmark):
         agreement: list[Row] = [
             {"precision": labels["of"], "what": part, "largest difference": off, "allowed": most, "agrees": off <= most}
             for labels, one in kinds[AGREES]
-            for (part, off), most in zip(one.numbers.items(), MOST[str(labels["of"])], strict=True)
+            for (part, off), most in zip(one.numbers.items(), MAX_DIFFERENCES[str(labels["of"])], strict=True)
         ]
         device = torch.cuda.get_device_name(self.device) if self.device.type == "cuda" else "the CPU"
         speed, plans = (

@@ -149,7 +149,7 @@ class Iteration(Benchmark):
 
 
 WHOLE, AGAIN, OTHER = "photograph", "its last quarter again", "its last two thirds, another photograph"
-MOST = {"style": 240, "semantic": 180, "words": 360}
+MAX_SECONDS = {"style": 240, "semantic": 180, "words": 360}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,7 +207,7 @@ class Plans(Benchmark):
                 **labels,
                 "strokes": one.numbers["strokes"],
                 "CPU s": one.numbers["CPU s"],
-                "at most": MOST.get(str(labels["goal"])),
+                "at most": MAX_SECONDS.get(str(labels["goal"])),
             }
             for labels, one in results.found
         ]

@@ -146,7 +146,10 @@ def kill_worker(folder: Path) -> None:
     """Kills the process that paints in a folder."""
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
-            if b"frida_painter_studio.worker_process" in path.read_bytes() and str(folder).encode() in path.read_bytes():
+            if (
+                b"frida_painter_studio.worker_process" in path.read_bytes()
+                and str(folder).encode() in path.read_bytes()
+            ):
                 os.kill(int(path.parent.name), signal.SIGKILL)
 
 

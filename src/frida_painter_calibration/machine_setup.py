@@ -84,7 +84,7 @@ class SetupState:
 
 
 @dataclass(frozen=True)
-class Written:
+class SetupFiles:
     """Files that a setup wrote: workspace, calibration record, and the picture of both."""
 
     workspace: Path
@@ -227,11 +227,11 @@ class MachineSetup:
         if not lead(paint_test(bench, brush_kind(self.state.brush)), answer):
             raise ConfigError("The test strokes were not right; repeat the touch or the canvas, then paint them again.")
 
-    def write(self) -> Written:
+    def write(self) -> SetupFiles:
         """Writes workspace, calibration record and their picture. Raises StorageError, CalibrationError."""
         layout = self.state.layout
         workcell = layout.workcell()
-        files = Written(self.folder / WORKSPACE, self.folder / RECORD, self.folder / SHEET)
+        files = SetupFiles(self.folder / WORKSPACE, self.folder / RECORD, self.folder / SHEET)
         storage.write_text(files.workspace, layout.toml())
         record = self.record(files.record)
         record.save(files.record)

@@ -19,7 +19,7 @@ from frida_painter.hardware.preset import Preset, find_preset, presets
 from frida_painter.hardware.robot import Robot
 from frida_painter.session.events import Remark
 from frida_painter.session.setup_events import MachineTold, SetupStands, SetupStepBegan, SetupWritten
-from frida_painter_calibration.machine_setup import STEPS, MachineSetup, Written, list_ports, setup_folder
+from frida_painter_calibration.machine_setup import STEPS, MachineSetup, SetupFiles, list_ports, setup_folder
 from frida_painter_calibration.procedures.workspace import Bench
 
 SetupEvent = SetupStands | SetupStepBegan | MachineTold | SetupWritten | Remark
@@ -58,7 +58,7 @@ def lead_setup(
     *,
     stops: Path | None = None,
     opened: Callable[[Robot], object] = lambda robot: None,
-) -> Written | None:
+) -> SetupFiles | None:
     """Sets a machine up, from its choice to the written files; returns None for a person's hand, which needs no setup.
 
     stops: folder of a stop file; None if there is none
@@ -276,7 +276,7 @@ def _table(layout: Layout) -> dict[str, object]:
     }
 
 
-def _conclude(known: MachineSetup, files: Written) -> SetupWritten:
+def _conclude(known: MachineSetup, files: SetupFiles) -> SetupWritten:
     given = f"--robot {known.robot}"
     place, record = f"--workspace {files.workspace}", f"--calibration {files.record}"
     paint = (

@@ -181,19 +181,20 @@ ROWS = (
     ),
     ExperimentRow(
         "text", "Paint text prompts and score them by a network that planning does not use, against baselines.",
-        "goals:Text", ("seeds", "first"),
+        "goals:TextExperiment", ("seeds", "first"),
     ),
     ExperimentRow(
         "style", "Measure the style distance of paintings with features that the optimiser does not use.",
-        "goals:Style", ("seeds", "photos", "styles"), "0,1", {"photos": ("cat", "astronaut"), "styles": "STYLES"},
+        "goals:StyleExperiment", ("seeds", "photos", "styles"), "0,1",
+        {"photos": ("cat", "astronaut"), "styles": "STYLES"},
     ),
     ExperimentRow(
         "semantic", "Compare painting by content with painting by pixels, scored by a network that no optimiser uses.",
-        "goals:Semantic", ("seeds", "photos"), "0,1", {"photos": "PHOTOGRAPHS"},
+        "goals:SemanticExperiment", ("seeds", "photos"), "0,1", {"photos": "PHOTOGRAPHS"},
     ),
     ExperimentRow(
         "sketch", "Paint text prompts along a drawing, with and without the sketch objective, and in a style.",
-        "goals:Sketch", ("seeds", "drawings", "style"), "0,1", {"drawings": "DRAWINGS", "style": "STYLES"},
+        "goals:SketchExperiment", ("seeds", "drawings", "style"), "0,1", {"drawings": "DRAWINGS", "style": "STYLES"},
     ),
 )  # fmt: skip
 

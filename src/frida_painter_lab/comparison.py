@@ -27,7 +27,7 @@ def image(target: Target, weight: float = 1.0) -> Mapping[str, Any]:
 
 
 @dataclass(frozen=True)
-class Way:
+class PaintingWay:
     """Way to paint a scene.
 
     name: in tables
@@ -70,7 +70,7 @@ class Comparison(PaintingExperiment):
         """Returns the scenes."""
         raise NotImplementedError
 
-    def ways(self) -> Sequence[Way]:
+    def ways(self) -> Sequence[PaintingWay]:
         """Returns the ways."""
         raise NotImplementedError
 
@@ -124,7 +124,7 @@ class Comparison(PaintingExperiment):
             ResultTable("All paintings", results.rows()),
         ]
 
-    def compare(self, results: Results, way: Way, name: str, *, more: bool) -> Row:
+    def compare(self, results: Results, way: PaintingWay, name: str, *, more: bool) -> Row:
         """Returns the comparison of a way with another one by a measure."""
         mine, its = (np.array(results.values(name, painted=one)) for one in (way.name, way.than))
         better = (mine > its if more else mine < its).sum()

@@ -378,7 +378,7 @@ class Experiment:
             }
         )
 
-    def finished(self, keep: Path) -> Results:
+    def collect_results(self, keep: Path) -> Results:
         """Returns the measurements of the runs that are done."""
         found = [(run.labels, _load(keep, run)) for run in self.all_runs]
         return Results([(labels, one) for labels, one in found if one is not None])

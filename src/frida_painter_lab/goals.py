@@ -25,7 +25,7 @@ from frida_painter.render import render
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
-from frida_painter_lab.comparison import Comparison, Scene, Way, image
+from frida_painter_lab.comparison import Comparison, PaintingWay, Scene, image
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row, Value
 from frida_painter_lab.measures import (
     direction_agreement,
@@ -121,7 +121,7 @@ def rank_of(logs: Tensor, prompt: Prompt) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Text(JudgedExperiment):
+class TextExperiment(JudgedExperiment):
     """Experiment `text`: every prompt painted once per seed, with looks in between, and judged by a classifier.
 
     Floors are a plan for the pixels of the prompt's initial picture, that picture itself, and random strokes. They
@@ -258,7 +258,7 @@ def style(target: Target) -> Mapping[str, Any]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Style(JudgedExperiment, Comparison):
+class StyleExperiment(JudgedExperiment, Comparison):
     """Experiment `style`: every photograph painted unstyled, in every style, and begun with that style's picture.
 
     The distance in style is the Earth Mover's Distance between clouds of features that the optimiser did not use:
@@ -286,12 +286,12 @@ class Style(JudgedExperiment, Comparison):
         """Returns each photograph with each style."""
         return list(product(self.photos, self.styles))
 
-    def ways(self) -> Sequence[Way]:
+    def ways(self) -> Sequence[PaintingWay]:
         """Returns the three ways."""
         return [
-            Way("unstyled"),
-            Way("styled", "unstyled", goal=lambda photo, look: [image(photo), style(look)]),
-            Way(
+            PaintingWay("unstyled"),
+            PaintingWay("styled", "unstyled", goal=lambda photo, look: [image(photo), style(look)]),
+            PaintingWay(
                 "begun with the style",
                 "styled",
                 goal=lambda photo, look: [image(photo, _LIGHT), style(look)],
@@ -343,7 +343,7 @@ _SIDE = 240  # pixels of the judge's views
 
 
 @dataclass(frozen=True, kw_only=True)
-class Semantic(JudgedExperiment, Comparison):
+class SemanticExperiment(JudgedExperiment, Comparison):
     """Experiment `semantic`: every photograph painted by pixels and by meaning, with the same few strokes.
 
     Features of the network that judges, VGG16's features as in LPIPS, edges and pixels compare with the photograph.
@@ -367,10 +367,10 @@ class Semantic(JudgedExperiment, Comparison):
         """Returns the photographs."""
         return [(photo,) for photo in self.photos]
 
-    def ways(self) -> Sequence[Way]:
+    def ways(self) -> Sequence[PaintingWay]:
         """Returns the two ways."""
-        meaning = Way("by meaning", "by pixels", goal=lambda photo: [{"semantic": str(photo.path)}])
-        return [Way("by pixels"), meaning]
+        meaning = PaintingWay("by meaning", "by pixels", goal=lambda photo: [{"semantic": str(photo.path)}])
+        return [PaintingWay("by pixels"), meaning]
 
     def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
         """Measures the distances between painting and photograph."""
@@ -389,7 +389,7 @@ class Semantic(JudgedExperiment, Comparison):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sketch(Comparison):
+class SketchExperiment(Comparison):
     """Experiment `sketch`: every drawing painted in four ways; the words are the drawing's name.
 
     The measure is the F-score of the painting's edges against the drawing's. The edges are Canny's, because the
@@ -411,7 +411,7 @@ class Sketch(Comparison):
         """Returns each drawing with the style."""
         return [(drawing, self.style) for drawing in self.drawings]
 
-    def ways(self) -> Sequence[Way]:
+    def ways(self) -> Sequence[PaintingWay]:
         """Returns the four ways."""
 
         def say(drawing: Target, look: Target) -> Mapping[str, Any]:
@@ -422,10 +422,14 @@ class Sketch(Comparison):
 
         begun, sketched = "words, begun with the drawing", "words and sketch"
         return [
-            Way("words", goal=lambda *scene: [say(*scene)]),
-            Way(begun, "words", goal=lambda *scene: [say(*scene)], initial=lambda drawing, look: [image(drawing)]),
-            Way(sketched, begun, goal=lambda *scene: [say(*scene), trace(*scene)]),
-            Way(f"{sketched} in a style", sketched, goal=lambda *scene: [say(*scene), trace(*scene), style(scene[1])]),
+            PaintingWay("words", goal=lambda *scene: [say(*scene)]),
+            PaintingWay(
+                begun, "words", goal=lambda *scene: [say(*scene)], initial=lambda drawing, look: [image(drawing)]
+            ),
+            PaintingWay(sketched, begun, goal=lambda *scene: [say(*scene), trace(*scene)]),
+            PaintingWay(
+                f"{sketched} in a style", sketched, goal=lambda *scene: [say(*scene), trace(*scene), style(scene[1])]
+            ),
         ]
 
     def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:

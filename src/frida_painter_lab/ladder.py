@@ -15,7 +15,7 @@ from frida_painter import images
 from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
-from frida_painter_lab.comparison import Comparison, Scene, Way
+from frida_painter_lab.comparison import Comparison, PaintingWay, Scene
 from frida_painter_lab.measures import psnr
 from frida_painter_lab.paintings import (
     CAMERA,
@@ -32,8 +32,8 @@ BLIND, KNOWN, USUAL = "without a look", "placement known, no look", "with 4 look
 SIMILARITY, PLANNED, EXPECTED = "PSNR, dB", "of the plan as rendered", "of the plan as expected"
 
 
-def _rung(name: str, than: str, looks: int = 0, without: Sequence[object] = ()) -> Way:
-    return Way(name, than, changes={"replans": looks}, without=tuple(without))  # type: ignore[arg-type]
+def _rung(name: str, than: str, looks: int = 0, without: Sequence[object] = ()) -> PaintingWay:
+    return PaintingWay(name, than, changes={"replans": looks}, without=tuple(without))  # type: ignore[arg-type]
 
 
 RUNGS = (
@@ -79,7 +79,7 @@ class Ladder(Comparison):
         """Returns the photographs."""
         return [(photo,) for photo in self.photos]
 
-    def ways(self) -> Sequence[Way]:
+    def ways(self) -> Sequence[PaintingWay]:
         """Returns the rungs."""
         more = {"strokes": self.strokes} if self.strokes else {}
         return [replace(rung, changes={**rung.changes, **more}) for rung in RUNGS]

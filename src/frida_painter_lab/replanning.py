@@ -19,7 +19,7 @@ from torch import Tensor
 from frida_painter import images
 from frida_painter.report.chart import Series, chart
 from frida_painter.runs.spec import RunSpec
-from frida_painter_lab.comparison import Comparison, Scene, Way
+from frida_painter_lab.comparison import Comparison, PaintingWay, Scene
 from frida_painter_lab.experiment import Results, ResultTable, Row
 from frida_painter_lab.measures import mse, psnr
 from frida_painter_lab.paintings import PLACEMENT, Painted
@@ -52,15 +52,15 @@ class Replanning(Comparison):
         """Returns the photograph."""
         return [(self.photo,)]
 
-    def ways(self) -> Sequence[Way]:
+    def ways(self) -> Sequence[PaintingWay]:
         """Returns the four ways."""
         looks: dict[str, Any] = {"replan_policy": f"every:{self._batch}"}
         film: dict[str, Any] = {"replans": 0, "film": True}
         return [
-            Way(BLIND, changes=film),
-            Way(LOOKING, BLIND, changes=looks),
-            Way(KNOWN_BLIND, BLIND, changes=film, without=(PLACEMENT,)),
-            Way(KNOWN_LOOKING, KNOWN_BLIND, changes=looks, without=(PLACEMENT,)),
+            PaintingWay(BLIND, changes=film),
+            PaintingWay(LOOKING, BLIND, changes=looks),
+            PaintingWay(KNOWN_BLIND, BLIND, changes=film, without=(PLACEMENT,)),
+            PaintingWay(KNOWN_LOOKING, KNOWN_BLIND, changes=looks, without=(PLACEMENT,)),
         ]
 
     @property

@@ -15,7 +15,7 @@ from frida_painter import images
 from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
-from frida_painter_lab.comparison import Comparison, Scene, Way
+from frida_painter_lab.comparison import Comparison, PaintingWay, Scene
 from frida_painter_lab.measures import mse
 from frida_painter_lab.paintings import Painted, StudioRun, Tell, make_first_plan
 from frida_painter_lab.soft_strokes import SoftEffort, allow_any_stroke, as_plan, constrain_to_brush, plan_soft_strokes
@@ -48,9 +48,9 @@ class Sim2Real(Comparison):
         """Returns the photographs."""
         return [(photo,) for photo in self.photos]
 
-    def ways(self) -> Sequence[Way]:
+    def ways(self) -> Sequence[PaintingWay]:
         """Returns the planners; each rival is compared with ours."""
-        return [Way(OURS), Way(UNCONSTRAINED, OURS), Way(CONSTRAINED, OURS)]
+        return [PaintingWay(OURS), PaintingWay(UNCONSTRAINED, OURS), PaintingWay(CONSTRAINED, OURS)]
 
     def make_plan(self, run: StudioRun, opened: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
         """Plans with soft strokes, and converts them to strokes of the robot; ours plans as usual."""

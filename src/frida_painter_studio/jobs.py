@@ -203,7 +203,7 @@ class ProcedureState:
 
 
 @dataclass
-class Calibration(JobState):
+class CalibrationJob(JobState):
     """State of all procedures of an easel."""
 
     name, request, started = "calibration", CalibrationRequest, events.CalibrationStarted
@@ -375,4 +375,4 @@ def _show(made: making_events.PicturesMade) -> dict[str, Any]:
     return {**asdict(made), "pictures": pictures}
 
 
-JOBS: dict[str, type[JobState]] = {job.name: job for job in (Calibration, Setup, Teaching, Imagining)}
+JOBS: dict[str, type[JobState]] = {job.name: job for job in (CalibrationJob, Setup, Teaching, Imagining)}

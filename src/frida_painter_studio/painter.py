@@ -115,7 +115,7 @@ class Asker:
         return None
 
     def _show(self, picture: Tensor) -> str:
-        self._shown.append(self.folder.new_shown("question", ".jpg"))
+        self._shown.append(self.folder.make_live_path("question", ".jpg"))
         images.save(picture, self._shown[-1])
         while len(self._shown) > 2:
             self._shown.popleft().unlink(missing_ok=True)
@@ -379,7 +379,7 @@ class PauseController:
 
     def _tell_found(self, found: FoundPaint) -> None:
         """Shows the canvas with a line around what a person painted."""
-        shown = self.folder.new_shown("found", ".jpg")
+        shown = self.folder.make_live_path("found", ".jpg")
         images.save(found.outlined, shown)
         self.feed.tell(person_events.PersonPaintShown(shown.name, round(found.share, 5)))
 
@@ -459,7 +459,7 @@ class PauseController:
 
     def _show_region(self, drawing: Tensor) -> str:
         """Writes the drawing of a region for the page, and returns its name."""
-        shown = self.folder.new_shown("region", ".png")
+        shown = self.folder.make_live_path("region", ".png")
         images.save(drawing, shown)
         return shown.name
 

@@ -64,7 +64,7 @@ class FeedStates:
             if len(self._kept) > _MAX_KEPT:
                 self._kept.popitem(last=False)
         with turn:
-            truth, events = None, reader.read_timed()
+            truth, events = None, reader.read_with_times()
             # A worker takes its lock before its first event, and releases it after the last one. So state and truth
             # agree if no event came while the truth was found.
             for _ in range(_MAX_READS):
@@ -72,7 +72,7 @@ class FeedStates:
                     break
                 for event, at in events:
                     state.hear(event, at)
-                truth, events = Truth.of(folder), reader.read_timed()
+                truth, events = Truth.of(folder), reader.read_with_times()
             for event, at in events:
                 state.hear(event, at)
             return look(state, truth or Truth.of(folder))

@@ -290,7 +290,7 @@ class PaintingFolder:
         """Folder of the studio's taught stroke families."""
         return self.path.parent / FAMILIES
 
-    def new_shown(self, kind: str, suffix: str, *, alone: bool = False) -> Path:
+    def make_live_path(self, kind: str, suffix: str, *, alone: bool = False) -> Path:
         """Returns a file for a picture in `live`; its name is random, because everybody who knows it may see it.
 
         alone: True to remove the former pictures of that kind.
@@ -521,9 +521,9 @@ class FeedReader:
 
         A feed of the first version gives one event, which says that it is not read.
         """
-        return [event for event, _ in self.read_timed()]
+        return [event for event, _ in self.read_with_times()]
 
-    def read_timed(self) -> list[tuple[Written, datetime | None]]:
+    def read_with_times(self) -> list[tuple[Written, datetime | None]]:
         """Returns the events like `read`, each with the time at which it was written, None if it has none."""
         found: list[tuple[Written, datetime | None]] = []
         try:

@@ -50,7 +50,7 @@ def teach(request: TeachingRequest, folder: PaintingFolder, families: Path, say:
         learned.model.save(file)
         sheet = family_sheet(family, taught, learned.model)
         sentence += f" Learned from {len(learned.library)} strokes that the virtual studio painted."
-    picture = folder.new_shown("family", ".png")
+    picture = folder.make_live_path("family", ".png")
     for place in (file.with_suffix(".png"), picture):
         images.save(sheet, place)
     return FamilyTaught(request.name, request.brush, sentence, picture.name)

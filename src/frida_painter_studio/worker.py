@@ -194,7 +194,7 @@ def _show_finding(name: str, finding: Finding, setup: CalibrationSetup, job: Job
     if finding.picture is None:
         return None
     images.save(finding.picture, setup.beside(name, "png"))
-    shown = job.folder.new_shown(f"found-{name}", ".png", alone=True)
+    shown = job.folder.make_live_path(f"found-{name}", ".png", alone=True)
     images.save(finding.picture, shown)
     return shown.name
 
@@ -253,7 +253,7 @@ def set_up(job: Job) -> None:
 
 def _show_sheet(written: setup_events.SetupWritten, folder: PaintingFolder) -> setup_events.SetupWritten:
     """Copies the picture of a finished setup for the page; returns the event with the copy's name."""
-    shown = folder.new_shown("setup", ".png", alone=True)
+    shown = folder.make_live_path("setup", ".png", alone=True)
     storage.copy(Path(written.sheet), shown, "the picture of the setup", storage.MAX_BYTES)
     return replace(written, sheet=shown.name)
 

@@ -58,7 +58,7 @@ def test_what_was_measured_is_not_measured_again(tmp_path: Path) -> None:
     first, again = Counting(), Counting()
     first.run(tmp_path)
     assert first.run(tmp_path).tables == again.run(tmp_path).tables and again.asked == []
-    for labels, found in again.finished(tmp_path).found:
+    for labels, found in again.collect_results(tmp_path).found:
         assert found.numbers == {"gap": 0.1 + 0.2, "seed's": float(labels["seed"])} and found.remarks == ["Well."]
         assert float((found.pictures["painted"] - PICTURE).abs().max()) <= 0.5 / 255 + 1e-6
     without = Counting()

@@ -16,7 +16,7 @@ from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter_lab import goals
 from frida_painter_lab.experiment import Outcome
-from frida_painter_lab.goals import PROMPTS, Semantic, Sketch, Style, Text
+from frida_painter_lab.goals import PROMPTS, SemanticExperiment, SketchExperiment, StyleExperiment, TextExperiment
 from frida_painter_lab.ladder import RUNGS, SIMILARITY, Ladder
 from frida_painter_lab.paintings import PLACEMENT, Painted, PaintingExperiment, StudioRun
 from frida_painter_lab.replanning import DEVIATION, Replanning
@@ -127,7 +127,7 @@ def test_every_rung_of_the_ladder_is_compared_with_one_above(studio: MadeUp, tar
 
 def test_words_are_ranked_among_all_classes_and_exactly_one_painting_comes_first(studio: MadeUp) -> None:
     network = QuickEncoders().meaning()
-    outcome = Text(**judged(judge_network=network)).run()
+    outcome = TextExperiment(**judged(judge_network=network)).run()
     summary, every = tables(outcome)
     assert len(summary) == len(goals.TEXT_WAYS) and [row["prompt"] for row in every] == [p.words for p in PROMPTS[:2]]
     for row in summary:
@@ -142,7 +142,7 @@ def test_words_are_ranked_among_all_classes_and_exactly_one_painting_comes_first
 
 def test_styles_are_judged_by_features_that_nobody_optimised(studio: MadeUp, target: Any) -> None:
     network = QuickEncoders().meaning()
-    outcome = Style(**judged(judge_network=network, photos=(target("cat"),), styles=(target("waves"),))).run()
+    outcome = StyleExperiment(**judged(judge_network=network, photos=(target("cat"),), styles=(target("waves"),))).run()
     for row in tables(outcome)[2]:
         assert (
             all(row[name] >= 0 for name in ("VGG16", "Lite1", "colours")) and -1 <= row["strokes like the style's"] <= 1
@@ -154,10 +154,10 @@ def test_meaning_against_pixels_and_only_a_changed_picture_is_painted_again(
     studio: MadeUp, target: Any, tmp_path: Path
 ) -> None:
     photo = target("cat")
-    made = Semantic(**judged(judge_network=QuickEncoders().meaning(), photos=(photo,)))
+    made = SemanticExperiment(**judged(judge_network=QuickEncoders().meaning(), photos=(photo,)))
     outcome = made.run(tmp_path / "kept")
     assert [run.spec.goal[0].kind for run in studio.painted] == ["image", "semantic"]
-    assert [row["measure"] for row in tables(outcome)[1]] == list(Semantic.MEASURES)[:-1]
+    assert [row["measure"] for row in tables(outcome)[1]] == list(SemanticExperiment.MEASURES)[:-1]
     assert replace(made).run(tmp_path / "kept").tables == outcome.tables and len(studio.painted) == 2
     images.save(1 - picture(*SIZE), photo.path)
     replace(made).run(tmp_path / "kept")
@@ -166,7 +166,7 @@ def test_meaning_against_pixels_and_only_a_changed_picture_is_painted_again(
 
 def test_drawings_are_painted_in_four_ways(studio: MadeUp, target: Any) -> None:
     drawings, style = (target("flat-line"),), target("waves")
-    outcome = Sketch(**judged(drawings=drawings, style=style)).run()
+    outcome = SketchExperiment(**judged(drawings=drawings, style=style)).run()
     assert all(0 <= row["edge F-score"] <= 1 for row in tables(outcome)[0])
     assert [len(run.spec.goal) for run in studio.painted] == [1, 1, 2, 3]
     assert studio.painted[0].spec.goal[0].value == "a flat line" and len(studio.painted[1].spec.initial) == 1

@@ -34,7 +34,7 @@ def pace(store: PaintingStore, *, real_time: bool) -> dict[str, float]:
     times = []
     for entry in store.all():
         state = PaintingState()
-        for event, at in FeedReader(entry.folder.feed).read_timed():
+        for event, at in FeedReader(entry.folder.feed).read_with_times():
             state.hear(event, at)
         times.append(state.times)
     return find_pace(times, real_time=real_time)

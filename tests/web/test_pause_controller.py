@@ -21,6 +21,7 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.painting_folder import read_goal
 from frida_painter.session import events, making_events, person_events, resuming
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, PauseCause, Written, kind_of
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import ResumeState
@@ -463,8 +464,10 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
     session, studio = world.session(
         folder.painting,
         journal,
-        pause_cause=lambda: "person" if session._progress.painted == 4 and next(due, False) else None,
-        go_on=controller.go_on,
+        controls=Controls(
+            pause_cause=lambda: "person" if session._progress.painted == 4 and next(due, False) else None,
+            go_on=controller.go_on,
+        ),
         notify=controller.hear,
     )
     session.hand.easel = replace(session.hand.easel, person_brushes=())

@@ -23,7 +23,7 @@ from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
 from frida_painter.options import any_number, camera_name, out_folder, whole_number
 from frida_painter.registry import Later
-from frida_painter.runs.settings import OF_PAINTINGS, OF_PLANS, GoalSettings, Section, about, help_of, usual_of
+from frida_painter.runs.settings import OF_PAINTINGS, OF_PLANS, GoalSettings, SettingSection, about, help_of, usual_of
 from frida_painter.runs.spec import RunSpec
 
 if TYPE_CHECKING:
@@ -224,7 +224,7 @@ Out = Annotated[
 ]
 
 
-def planning_options(sections: Iterable[type[Section]] = OF_PLANS) -> list[Parameter]:
+def planning_options(sections: Iterable[type[SettingSection]] = OF_PLANS) -> list[Parameter]:
     """Returns the options of a plan, with those of the settings in these sections."""
     return [
         *free_goal_options(TAKEN),
@@ -241,7 +241,7 @@ def painting_options() -> list[Parameter]:
     return planning_options(OF_PAINTINGS)
 
 
-def _settings(sections: Iterable[type[Section]]) -> list[Parameter]:
+def _settings(sections: Iterable[type[SettingSection]]) -> list[Parameter]:
     """Returns an option for each setting of these sections; without it, the setting has its own default."""
     return [
         _keyword(name, _option(field, section.panel, camera_name if name == "camera" else None))

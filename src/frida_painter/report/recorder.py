@@ -22,7 +22,7 @@ from frida_painter.planning.mixable import mixing_changes
 from frida_painter.registry import Later
 from frida_painter.report.film import FilmWriter, Sketchbook
 from frida_painter.report.sheets import RecipeSheets, difference
-from frida_painter.report.story import Comparison, Download, Look, Phase, Story, compare, paints
+from frida_painter.report.story import Download, Look, Phase, PictureComparison, Story, compare, paints
 from frida_painter.session import events
 from frida_painter.session.events import Event
 from frida_painter.session.journal import History
@@ -264,7 +264,7 @@ class Recorder:
             strokes=seen.done, loss_before=planned.loss_before, loss_after=planned.loss_after, text=text, **names
         )
 
-    def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[Comparison, ...]:
+    def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[PictureComparison, ...]:
         """Returns comparisons of plan, painting and, if there is one, target, at the plan's resolution."""
         rows, columns = first_expected.shape[1:]
         if not self.watched:  # nobody knows how near the painting came
@@ -279,7 +279,7 @@ class Recorder:
         planned = compare("The first plan against the photograph", first_expected, target)
         return (planned, compare("The painting against the photograph", painted, target), against_plan)
 
-    def _story(self, plan: Plan, painting: Painting, comparisons: tuple[Comparison, ...]) -> Story:
+    def _story(self, plan: Plan, painting: Painting, comparisons: tuple[PictureComparison, ...]) -> Story:
         painted = painting.painted
         of = len(plan)
         count = count_of(of, "stroke") if painted == of else f"{painted} of {count_of(of, 'stroke')}"
@@ -343,7 +343,7 @@ class Recorder:
         expected = self._expected_seconds or 0.0
         return f"{painting.robot_seconds / 60:.1f} min, {expected / 60:.1f} expected"
 
-    def _write_result(self, plan: Plan, painting: Painting, comparisons: tuple[Comparison, ...]) -> None:
+    def _write_result(self, plan: Plan, painting: Painting, comparisons: tuple[PictureComparison, ...]) -> None:
         storage.write_json(
             self.folder / _RESULT,
             {

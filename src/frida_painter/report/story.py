@@ -73,7 +73,7 @@ class Phase:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class PictureComparison:
     """Similarity of two pictures.
 
     label: what is compared
@@ -116,7 +116,7 @@ class Story:
     paints: tuple[PaintFacts, ...]
     looks: tuple[Look, ...] = ()
     phases: tuple[Phase, ...] = ()
-    comparisons: tuple[Comparison, ...] = ()
+    comparisons: tuple[PictureComparison, ...] = ()
     facts: tuple[tuple[str, str], ...] = ()
     downloads: tuple[Download, ...] = ()
     stopped: bool = False
@@ -153,8 +153,8 @@ def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]
     )
 
 
-def compare(label: str, picture: Tensor, reference: Tensor) -> Comparison:
+def compare(label: str, picture: Tensor, reference: Tensor) -> PictureComparison:
     """Returns the similarity of `picture` to `reference`, both sRGB [3, H, W] in [0, 1]."""
     error = (picture - reference).double().square().mean().clamp(min=1e-10)
     apart = (to_lab(picture.permute(1, 2, 0)) - to_lab(reference.permute(1, 2, 0))).norm(dim=-1).mean()
-    return Comparison(label, float(-10 * error.log10()), float(apart))
+    return PictureComparison(label, float(-10 * error.log10()), float(apart))

@@ -94,7 +94,7 @@ def usual_of(field: Any) -> str:
     return about(field)["usual"] or ("none" if plain in (None, "", ()) else str(plain))
 
 
-class Section(BaseModel):
+class SettingSection(BaseModel):
     """Some settings of a painting, with a panel of their own in the help."""
 
     model_config = ConfigDict(
@@ -108,7 +108,7 @@ class Section(BaseModel):
     panel: ClassVar[str] = ""
 
 
-class GoalSettings(Section):
+class GoalSettings(SettingSection):
     """Goal of a painting, and the way from words to a picture."""
 
     panel: ClassVar[str] = "What to paint"
@@ -138,7 +138,7 @@ class GoalSettings(Section):
     wild."""
 
 
-class CanvasSettings(Section):
+class CanvasSettings(SettingSection):
     """The canvas and its paints."""
 
     panel: ClassVar[str] = "Canvas and paints"
@@ -175,7 +175,7 @@ class CanvasSettings(Section):
     swatch of each paint."""
 
 
-class PlanSettings(Section):
+class PlanSettings(SettingSection):
     """The strokes, and how they are planned."""
 
     panel: ClassVar[str] = "Strokes"
@@ -222,7 +222,7 @@ class PlanSettings(Section):
     """Random seed. The same seed gives the same painting, another seed a different one."""
 
 
-class MachineSettings(Section):
+class MachineSettings(SettingSection):
     """The machine; its settings do not change the picture."""
 
     panel: ClassVar[str] = "On which machine"
@@ -251,7 +251,7 @@ class MachineSettings(Section):
     """A picture of the canvas of the virtual studio at first."""
 
 
-class PaintingSettings(Section):
+class PaintingSettings(SettingSection):
     """The course of the painting, and what is kept of it."""
 
     panel: ClassVar[str] = "While it paints"

@@ -241,7 +241,7 @@ _MM = 1000.0
 
 
 @dataclass(frozen=True)
-class Moment:
+class FilmMoment:
     """Content of one picture.
 
     angles: of the joints [7]
@@ -269,7 +269,7 @@ class ArmFilm:
         self._path, self._table = path, table
         self._model = surroundings.model()
         self._inset = Inset(surroundings.canvas, _ROWS, _COLUMNS)
-        self._moments: queue.Queue[Moment | None] = queue.Queue(_WAITING)
+        self._moments: queue.Queue[FilmMoment | None] = queue.Queue(_WAITING)
         self._now, self._next, self._count = 0.0, 0.0, 0
         self._canvas = self._look()
         self._angles: NDArray[np.float64] | None = None  # current angles of the joints
@@ -295,7 +295,7 @@ class ArmFilm:
         while self._next <= self._now and not self._over.is_set():
             index = min(len(course.angles) - 1, round((self._next - began) / period)) if period else 0
             canvas = self._in_between(before, self._canvas, course.places[: index + 1])
-            self._hand_over(Moment(course.angles[index], canvas, self._bristles(), self._wells()), latest)
+            self._hand_over(FilmMoment(course.angles[index], canvas, self._bristles(), self._wells()), latest)
             self._next += _AT_LEISURE * _GROWTH ** max(0, self._count - _PICTURES)
             self._count += 1
 
@@ -303,13 +303,13 @@ class ArmFilm:
         """Ends the film with a picture of the current state."""
         if self._thread is not None and self._thread.is_alive():
             if self._angles is not None:
-                now = Moment(self._angles, self._look(), self._bristles(), self._wells())
+                now = FilmMoment(self._angles, self._look(), self._bristles(), self._wells())
                 self._hand_over(now, time.monotonic() + _HELD_UP)
             self._moments.put(None)
             self._thread.join()
         self._over.set()
 
-    def _hand_over(self, moment: Moment, latest: float) -> None:
+    def _hand_over(self, moment: FilmMoment, latest: float) -> None:
         """Waits for room until `latest` (monotonic clock); after that it drops the picture."""
         while not self._over.is_set():
             try:

@@ -189,7 +189,7 @@ def page(out: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder 
     from frida_painter_lab.benchmark.table import read_table, write_page
 
     known = read_table(out)
-    outcome = known.report(known.finished(known.folder))
+    outcome = known.report(known.collect_results(known.folder))
     outcome.save(known.folder)
     print("\n".join(one.markdown() for one in outcome.tables))
     print(f"  Page  {write_page(outcome, known.folder)}")

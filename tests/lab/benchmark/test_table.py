@@ -109,7 +109,7 @@ def test_a_table_goes_on_where_it_stopped_and_has_a_page(tmp_path: Path, painted
     assert len(painted) == 8 and outcome.notes[0] == "8 of 8 cells."
     assert outcome.tables[0].rows[0]["entrant"] == "ours" and set(outcome.pictures) == {"cat-100", "flower-100"}
     known = read_table(tmp_path)
-    again = known.report(known.finished(tmp_path))
+    again = known.report(known.collect_results(tmp_path))
     assert again.tables == outcome.tables and len(painted) == 8
     html = write_page(again, tmp_path).read_text()
     assert "8 of 8 cells" in html and "plain" in html and "<script" not in html
