@@ -204,7 +204,9 @@ def python() -> str:
         at = f"{found.__module__}.{found.__qualname__}"
         sentence = " ".join(inspect.cleandoc(found.__doc__ or "").partition("\n\n")[0].split())
         sentence = re.split(r"(?<=[.:;]) ", sentence)[0].rstrip(":;")
-        rows.append(f"| [`{name}`](api/{at.split('.')[1]}.md#{at}) | {_escape(sentence)} |")
+        package, inner = at.split(".")[:2]
+        room = inner if package == "frida_painter" else package
+        rows.append(f"| [`{name}`](api/{room}.md#{at}) | {_escape(sentence)} |")
     head = "| name | what it is |\n|---|---|"
     return "\n\n".join(
         (
