@@ -8,7 +8,7 @@ import pytest
 
 from frida_painter.errors import StorageError
 from frida_painter.report.page import page, write_page
-from frida_painter.report.story import Comparison, Download, Look, Phase, Story, paints
+from frida_painter.report.story import Download, Look, Phase, PictureComparison, Story, paints
 from support.plans import made_up_plan
 
 STORY = Story(
@@ -27,7 +27,7 @@ STORY = Story(
         Look(20, "seen-20.jpg", "expected-20.jpg", "difference-20.png", "plan-20.jpg", 0.02, 0.01),
     ),
     phases=(Phase("first plan", ((0, 0.2), (1, 0.1), (2, 0.05))), Phase("after 10 strokes", ((0, 0.06), (1, 0.04)))),
-    comparisons=(Comparison("the painting to the photograph", 18.24, 12.5),),
+    comparisons=(PictureComparison("the painting to the photograph", 18.24, 12.5),),
     facts=(("Seed", "7"), ("Brush", "medium")),
     downloads=(Download("plan.json", "the plan"), Download("strokes.svg", "for plotters")),
 )
