@@ -19,7 +19,7 @@ from frida_painter_studio.jobs import (
     JOBS,
     PROCEDURES,
     SETUP_STEPS,
-    Calibration,
+    CalibrationJob,
     CalibrationRequest,
     Imagining,
     JobState,
@@ -176,7 +176,7 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
 
 
 BEGUN: list[tuple[type[JobState], Any]] = [
-    (Calibration, events.CalibrationStarted(["canvas"])),
+    (CalibrationJob, events.CalibrationStarted(["canvas"])),
     (Setup, SetupStarted()),
     (Teaching, events.TeachingStarted("hook")),
     (Imagining, MakingStarted("a hat", "command: true")),
@@ -204,7 +204,7 @@ def test_a_process_that_ended_without_a_word_is_told_with_its_remedy(job: type[J
 
 
 def test_a_calibration_tells_what_each_procedure_found() -> None:
-    state = Calibration()
+    state = CalibrationJob()
     stands = [{"name": "robot", "dated": "d", "fault": "f", "old": True}]
     for event in (
         events.CalibrationStarted(["canvas", "robot"]),
