@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from frida_painter.objectives.sketch_loss import broaden_lines, clean_drawing, color_drawing, ink
+from frida_painter.objectives.sketch import broaden_lines, clean_drawing, color_drawing, ink
 
 
 def sheet(rows: int = 120, columns: int = 160) -> torch.Tensor:

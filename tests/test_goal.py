@@ -4,9 +4,11 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter_words.text import TextTerm
 from support.planning import picture
 

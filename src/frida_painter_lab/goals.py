@@ -16,10 +16,10 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, weights
-from frida_painter.objectives.beyond_pixels import SketchTerm
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.style_loss import LAYERS as SEEN
-from frida_painter.objectives.style_loss import cosine_cost, euclidean_cost
+from frida_painter.objectives.encoders.convolutional import EfficientNetLite
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import LAYERS as SEEN
+from frida_painter.objectives.style import cosine_cost, euclidean_cost
 from frida_painter.planning.initialize import uniform
 from frida_painter.render import render
 from frida_painter.report.sheets import Cell, FigureRow, page

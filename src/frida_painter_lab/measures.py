@@ -13,8 +13,8 @@ from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.base import Seer
-from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.semantic_loss import Views
+from frida_painter.objectives.encoders.convolutional import Vgg16
+from frida_painter.objectives.semantic import Views
 from frida_painter.objectives.style_flow import directions
 from frida_painter.strokes import Strokes
 

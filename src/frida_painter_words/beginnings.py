@@ -12,10 +12,9 @@ from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm, spread
 from frida_painter.objectives.objective import Goal, ObjectiveContext, Term
-from frida_painter.objectives.pixel_loss import spread
-from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
+from frida_painter.objectives.sketch import color_drawing, filled_areas
 from frida_painter.objectives.style_flow import change_by_place, styles_of
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.text_loss import Text, color_in, holding_weight, wish

@@ -11,10 +11,12 @@ from PIL import Image
 from frida_painter import images
 from frida_painter.cli.options import read_goal_options
 from frida_painter.errors import ConfigError, FridaError, WeightsError
-from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter_words.retrieval import picture_index

@@ -10,10 +10,10 @@ from frida_painter.objectives.attention import (
     start_from_meaning,
     weight_by_focus,
 )
-from frida_painter.objectives.beyond_pixels import SemanticTerm, StyleTerm
-from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm, spread
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.pixel_loss import spread
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.style import StyleTerm
 from support.networks import NoEncoderRegistry, QuickEncoders, QuickHed
 from support.planning import picture
 

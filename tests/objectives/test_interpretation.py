@@ -4,11 +4,13 @@ import torch
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid, Rows
-from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import WeightedObjective, interpret_goal, prepare
 from frida_painter.objectives.objective import Goal, ObjectiveContext, ObjectiveTerm
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders
 from support.planning import CANVAS, picture

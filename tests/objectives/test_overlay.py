@@ -2,11 +2,10 @@ import torch
 
 from frida_painter import images
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.beyond_pixels import SketchTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.sketch_loss import draw_on_picture, overlaid
+from frida_painter.objectives.sketch import SketchTerm, draw_on_picture, overlaid
 from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders
 from support.planning import CANVAS, picture

@@ -1,7 +1,7 @@
 import torch
 
 from frida_painter.frames import PixelGrid, Rows
-from frida_painter.objectives.pixel_loss import Replication
+from frida_painter.objectives.image import Replication
 from support.planning import CANVAS
 
 GRID = PixelGrid.of_height(CANVAS, 24)

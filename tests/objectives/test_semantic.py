@@ -4,11 +4,9 @@ import torch
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.attention import Face, importance_of
-from frida_painter.objectives.beyond_pixels import SemanticTerm
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.encoders.vgg import Vgg16
+from frida_painter.objectives.encoders.convolutional import EfficientNetLite, Vgg16
 from frida_painter.objectives.objective import ObjectiveContext
-from frida_painter.objectives.semantic_loss import Semantic, Views, spread_colors
+from frida_painter.objectives.semantic import Semantic, SemanticTerm, Views, spread_colors
 from frida_painter.palette import to_lab
 from support.networks import QuickEncoders, QuickVgg, random_lite_tensors
 from support.planning import picture

@@ -2,11 +2,10 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.beyond_pixels import SketchTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.sketch_loss import Sketch
+from frida_painter.objectives.sketch import Sketch, SketchTerm
 from support.networks import QuickEncoders, QuickHed
 from support.planning import CANVAS
 

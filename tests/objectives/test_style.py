@@ -1,6 +1,6 @@
 import torch
 
-from frida_painter.objectives.style_loss import Style
+from frida_painter.objectives.style import Style
 from support.networks import QuickVgg
 from support.planning import picture
 

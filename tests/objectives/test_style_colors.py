@@ -2,10 +2,10 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.objectives.beyond_pixels import SemanticTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.style_loss import in_style_colors
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.style import StyleTerm, in_style_colors
 from frida_painter.palette import from_lab, to_lab
 from frida_painter_words.text import TextTerm
 

@@ -4,9 +4,10 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.beyond_pixels import SemanticTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.style_flow import brushwork_of, directions, magnification, mark_size, mark_spacing
 from support.planning import CANVAS
 

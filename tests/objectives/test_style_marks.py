@@ -7,10 +7,10 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from frida_painter.objectives.beyond_pixels import SketchTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.sketch_loss import color_drawing
+from frida_painter.objectives.sketch import SketchTerm, color_drawing
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.style_marks import (
     fill_drawing_in_style,
     in_style,

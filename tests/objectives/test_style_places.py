@@ -4,11 +4,11 @@ import pytest
 import torch
 
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.beyond_pixels import SketchTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm, in_style_colors
 from frida_painter.objectives.style_flow import brushwork_of, change_by_place, styles_of
-from frida_painter.objectives.style_loss import in_style_colors
 from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style_marks
 from support.planning import CANVAS
 

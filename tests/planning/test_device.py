@@ -11,14 +11,15 @@ from elsewhere import elsewhere, waits
 from frida_painter.devices import half_precision
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.encoders.base import Reader
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite
-from frida_painter.objectives.encoders.clip import Clip, ClipResNet
-from frida_painter.objectives.encoders.vgg import Hed, Vgg16
+from frida_painter.objectives.encoders.clip import Clip
+from frida_painter.objectives.encoders.convolutional import ClipResNet, EfficientNetLite, Hed, Vgg16
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import WeightedObjective, prepare
 from frida_painter.objectives.objective import Goal, ObjectiveTerm, Term
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.text_loss import wish
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.palette import Palette, to_lab

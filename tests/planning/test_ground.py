@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.beyond_pixels import StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import WHITE
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground

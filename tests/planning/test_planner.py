@@ -7,9 +7,10 @@ import torch
 
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.beyond_pixels import SemanticTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort

@@ -13,9 +13,9 @@ from frida_painter.brush.table import StrokeTable
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.beyond_pixels import StyleTerm
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner

@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 
 from frida_painter import images
 from frida_painter.errors import ConfigError, ImageError
-from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goal_item import name_of, read_prompt, title_of
 from frida_painter.runs.goals import make_goal, open_goal
 from frida_painter.runs.painting_folder import keep_goal, read_goal

@@ -26,7 +26,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from frida_painter.objectives.semantic_loss import Views
+from frida_painter.objectives.semantic import Views
 from shape_world import world
 from shape_world.world import COLOR_NAMES, PLACES, RELATIONS, SHAPES, Picture, Thing
 

@@ -13,10 +13,9 @@ from torch.nn import functional
 from torch.nn.functional import avg_pool2d
 
 from frida_painter.devices import Constant
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite
+from frida_painter.objectives.encoders.convolutional import EfficientNetLite, Hed, Vgg16
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.objectives.encoders.vgg import Hed, Vgg16
 from frida_painter_words.libraries import PictureArchive
 from frida_painter_words.retrieval import PictureIndex
 

@@ -7,10 +7,11 @@ import torch
 
 from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.beyond_pixels import SketchTerm, StyleTerm
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter_words.beginnings import initial_composition
 from frida_painter_words.text import TextTerm

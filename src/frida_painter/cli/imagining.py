@@ -73,11 +73,10 @@ IMAGINING = ("imagine", "imagine_pictures", "imagine_minutes")
 def usual_maker(spec: "RunSpec") -> str | None:
     """Returns the fetched maker if it makes the first picture of words; None if none is here, or is wanted.
 
-    It is wanted for words without another picture to begin with, unless the description says how to begin them, or
-    who guides them.
+    It is wanted for words without another picture to begin with, unless the description says how to begin them.
     """
     kinds = {item.kind for item in spec.goal}
-    free = spec.beginning == "auto" and spec.pictures is None and spec.guide is None
+    free = spec.beginning == "auto" and spec.pictures is None
     free = free and all(item.kind == "text" for item in spec.initial)
     return (
         "diffusers" if free and {"text"} <= kinds <= {"text", "style"} and registry.are_here(registry.IMAGINE) else None
@@ -98,7 +97,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
             if given.get(name) is not None:
                 raise ConfigError(
                     f"--{name.replace('_', '-')} was given without --imagine, which names a maker; give both, or fetch "
-                    "one with `frida-painter models fetch imagine` and leave out --beginning, --pictures and --guide."
+                    "one with `frida-painter models fetch imagine` and leave out --beginning and --pictures."
                 )
         return spec
     from frida_painter.objectives.encoders.loading import EncoderRegistry

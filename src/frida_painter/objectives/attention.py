@@ -14,12 +14,11 @@ from frida_painter import images
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.faces import Face, faces
-from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm, rise, spread
 from frida_painter.objectives.objective import Goal, Term
-from frida_painter.objectives.pixel_loss import rise, spread
 
 if TYPE_CHECKING:
-    from frida_painter.objectives.encoders.vgg import Hed
+    from frida_painter.objectives.encoders.convolutional import Hed
 
 
 _MORE = 6.0  # additional importance inside a face

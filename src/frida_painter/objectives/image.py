@@ -1,26 +1,17 @@
-"""Goal "image": a picture to reproduce pixel by pixel."""
+"""Goal "image": a picture to reproduce pixel by pixel, sharpened before planning."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, ClassVar, Self
+from pathlib import Path
+from typing import ClassVar, Self
 
-from frida_painter.objectives.objective import (
-    Gives,
-    Goal,
-    GoalKind,
-    ObjectiveContext,
-    ObjectiveTerm,
-    Term,
-    require_weight,
-)
+from torch import Tensor
+from torch.nn.functional import mse_loss
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from torch import Tensor
-
-    from frida_painter.objectives.pixel_loss import Replication
+from frida_painter import images
+from frida_painter.frames import PixelGrid, Rows
+from frida_painter.objectives.objective import Goal, ObjectiveContext, ObjectiveTerm, Term, require_weight
 
 
 @dataclass(frozen=True)
@@ -47,54 +38,59 @@ class PictureTerm(Term):
 
     def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Returns the term with its picture fitted to `rows` x `columns`."""
-        from frida_painter import images
-
         return replace(self, image=(images.pad if pad else images.fit)(self.image, rows, columns))
 
     def crop(self, box: tuple[float, float, float, float]) -> Self:
         """Returns the term with a part of its picture. Raises ConfigError if that part is no goal of this kind."""
-        from frida_painter import images
-
         return replace(self, image=images.crop(self.image, box))
 
     @classmethod
     def open(cls, path: Path, weight: float = 1.0) -> Self:
         """Returns the term of a picture file. Raises ConfigError and ImageError."""
-        from frida_painter import images
-
-        picture = images.load(path) if cls.longest is None else images.load(path, longest=cls.longest)
-        return cls(picture, weight)
+        return cls(images.load(path) if cls.longest is None else images.load(path, longest=cls.longest), weight)
 
 
 @dataclass(frozen=True)
-class ImageTerm(PictureTerm):
-    """Term of a goal: reproduce a picture pixel by pixel.
+class PaintedTerm(PictureTerm):
+    """Base class of terms whose picture is painted: it sets composition and colours.
 
     importance [h, w]: importance of each place, with mean 1; None if uniform
-    wanted [3, h, w]: picture that the planner compares with, so that the painting looks like `image`; None for
-    `image`
     """
 
     importance: Tensor | None = None
-    wanted: Tensor | None = None
-    initial_order = 0
-    interpretation_order = 5
     is_tried = False
-    is_pixelwise = True
     can_be_weighed = True
-
-    def weigh(self, importance: Tensor) -> Self:
-        """Returns the term with this importance of each place."""
-        return replace(self, importance=importance)
-
-    def as_start(self, goal: Goal) -> ImageTerm:
-        """Returns the term itself, with its importance."""
-        return self
 
     @property
     def picture(self) -> Tensor:
         """Picture to paint."""
         return self.image
+
+    def with_picture(self, picture: Tensor) -> Self:
+        """Returns the term with another picture and the same importance."""
+        return replace(self, image=picture)
+
+    def weigh(self, importance: Tensor) -> Self:
+        """Returns the term with this importance of each place."""
+        return replace(self, importance=importance)
+
+
+@dataclass(frozen=True)
+class ImageTerm(PaintedTerm):
+    """Term of a goal: reproduce a picture pixel by pixel.
+
+    wanted [3, h, w]: picture that the planner compares with, so that the painting looks like `image`; None for
+    `image`
+    """
+
+    wanted: Tensor | None = None
+    initial_order = 0
+    interpretation_order = 5
+    is_pixelwise = True
+
+    def as_start(self, goal: Goal) -> ImageTerm:
+        """Returns the term itself, with its importance."""
+        return self
 
     @property
     def guide(self) -> Tensor:
@@ -106,22 +102,18 @@ class ImageTerm(PictureTerm):
 
         It is shrunk again later to the planning image, so it is not softened here.
         """
-        from frida_painter import images
-
         if pad:
             return super().fit_to(rows, columns, pad=True)
         scale = min(1.0, self.image.shape[1] / rows, self.image.shape[2] / columns)
         fewer = max(1, round(scale * rows)), max(1, round(scale * columns))
         return replace(self, image=images.resize_by_area(self.image, *fewer))
 
-    def with_picture(self, picture: Tensor) -> ImageTerm:
+    def with_picture(self, picture: Tensor) -> Self:
         """Returns the term with another picture and the same importance."""
         return replace(self, image=picture, wanted=None)
 
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
         """Returns the mean squared difference to `guide`."""
-        from frida_painter.objectives.pixel_loss import Replication
-
         return _term_of(Replication.of(self.guide, context.grid, self.importance))
 
     @classmethod
@@ -130,26 +122,71 @@ class ImageTerm(PictureTerm):
 
         Beside other terms, photographs stay unchanged, because the other terms set the edges.
         """
-        from frida_painter.objectives.pixel_loss import fit_and_sharpen
-
         photographs = [term for term in goal.terms if isinstance(term, cls)]
         if context.sharpness == 0 or len(photographs) < len(goal.terms):
             return goal
-        terms = [
-            replace(one, wanted=fit_and_sharpen(one.image, context.sharpness, context.grid)) for one in photographs
-        ]
-        return replace(goal, terms=tuple(terms))
+        wanted = (fit_and_sharpen(one.image, context.sharpness, context.grid) for one in photographs)
+        return replace(goal, terms=tuple(map(lambda one, sharp: replace(one, wanted=sharp), photographs, wanted)))
+
+
+@dataclass(frozen=True)
+class Replication:
+    """Mean squared difference to `target` [3, H, W]: l_print of the paper (Eq. "l2").
+
+    matters [H, W]: weight of each pixel, mean 1; None if uniform
+    """
+
+    target: Tensor
+    matters: Tensor | None = None
+
+    @classmethod
+    def of(cls, image: Tensor, grid: PixelGrid, importance: Tensor | None = None) -> Self:
+        """Returns the objective for a picture [3, h, w] with this importance [h, w], fitted to the grid."""
+        matters = None if importance is None else spread(importance, grid.rows, grid.columns)
+        return cls(images.fit(image, grid.rows, grid.columns), matters)
+
+    def __call__(self, picture: Tensor) -> Tensor:
+        """Returns the distance of a picture [3, H, W] to the target."""
+        target = self.target.to(picture)
+        if self.matters is None:
+            return mse_loss(picture, target)
+        root = self.matters.to(picture).sqrt()
+        return mse_loss(root * picture, root * target)
+
+    def of_variance(self, variance: Tensor) -> Tensor:
+        """Returns the mean increase by pixel variance [H, W]: E[(C - T)^2] = (M - T)^2 + Var C."""
+        return variance.mean() if self.matters is None else (self.matters.to(variance) * variance).mean()
+
+    def on_rows(self, rows: Rows) -> Self:
+        """Returns the objective for pictures with these rows only."""
+        return type(self)(rows.of(self.target), None if self.matters is None else rows.of(self.matters))
 
 
 def _term_of(judge: Replication) -> ObjectiveTerm:
     return ObjectiveTerm(judge, of_variance=judge.of_variance, on_rows=lambda rows: _term_of(judge.on_rows(rows)))
 
 
-IMAGE = GoalKind(
-    name="image",
-    gives=Gives.PICTURE,
-    help="Another picture to reproduce, pixel by pixel.",
-    label="Picture",
-    open=ImageTerm.open,
-    initial_help="A picture to start from. The painting keeps its composition.",
-)
+def spread(importance: Tensor, rows: int, columns: int) -> Tensor:
+    """Returns importance [h, w] fitted to `rows` x `columns`, mean 1."""
+    most = importance.amax()
+    fitted = images.fit((importance / most)[None], rows, columns)[0] * most
+    return fitted / fitted.mean()
+
+
+def rise(importance: Tensor, times: float) -> Tensor:
+    """Returns by how much places [h, w] matter more than the least: 0 for the least, 1 from `times` the least on."""
+    return ((importance / importance.amin() - 1) / (times - 1)).clamp(0, 1)
+
+
+# Painting softens a picture: marks have soft edges and land beside their intended place, and the planner averages
+# colours if it is uncertain. So photographs are sharpened first by unsharp masking, as printers do.
+_SPREAD = 0.0037  # standard deviation of the blur, in metres on the canvas
+
+
+def fit_and_sharpen(picture: Tensor, sharpness: float, grid: PixelGrid) -> Tensor:
+    """Returns a picture [3, h, w], fitted to the grid [3, H, W] and sharpened for planning.
+
+    sharpness: increase of each pixel's difference from its surroundings
+    """
+    fitted = images.fit(picture, grid.rows, grid.columns)
+    return (fitted + sharpness * (fitted - images.gaussian_blur(fitted, _SPREAD / grid.pitch[1]))).clamp(0, 1)

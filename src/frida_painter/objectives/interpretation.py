@@ -30,9 +30,7 @@ def interpret_goal(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed:
 
     Sketches are drawn on their photographs. Words get a first picture. Pictures with a style term get the
     colours of the style. Pictures with a semantic term get importance maps. Photographs without other terms are
-    sharpened by `sharpness` (objectives/pixel_loss.py).
-    grid: grid of the planning image
-    Raises WeightsError if a network is missing.
+    sharpened by `sharpness`. Raises WeightsError if a network is missing.
     """
     context = ObjectiveContext(grid, encoders, seed, sharpness=sharpness)
     kinds = {type(term) for term in (*goal.terms, *goal.initial)}
@@ -97,11 +95,18 @@ class WeightedObjective:
     def measure_step(self, picture: Tensor) -> float | None:
         """Returns the seconds that an iteration spends in networks that recognise; None if there is no such network.
 
-        If a term does not know its time, a processor's time of its validation of a picture [3, H, W] is measured,
-        which draws no random number, so the plan stays the same.
+        The processor's time of the validation of a picture [3, H, W] is measured, which draws no random number, so the
+        plan stays the same.
         """
         slow = [term for _, term in self._terms if term.recognizes]
-        return sum(_time_gradient(term, picture) / term.lasts for term in slow) if slow else None
+        seconds = 0.0
+        for term in slow:
+            began = time.thread_time()
+            if term.validation is not None:
+                with torch.enable_grad():
+                    torch.autograd.grad(term.validation(at := picture.detach().requires_grad_()), at)
+            seconds += term.looks * (time.thread_time() - began) / term.lasts
+        return seconds if slow else None
 
     def _validation(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
         total, recognition = self._validate(picture, variance)
@@ -116,16 +121,6 @@ class WeightedObjective:
             if term.recognizes:
                 recognition = recognition + value
         return total, recognition
-
-
-def _time_gradient(term: ObjectiveTerm, picture: Tensor) -> float:
-    """Returns the seconds of a gradient of a slow term, with the iterations until the next one."""
-    if term.seconds is not None or term.validation is None:
-        return term.seconds or 0.0
-    began = time.thread_time()
-    with torch.enable_grad():
-        torch.autograd.grad(term.validation(at := picture.detach().requires_grad_()), at)
-    return term.looks * (time.thread_time() - began)
 
 
 class _Tangents:
@@ -171,14 +166,11 @@ def prepare(
     grid: PixelGrid,
     encoders: EncoderRegistry | None = None,
     seed: int = 0,
-    *,
-    iterations: int = 0,
     shared: dict[str, Any] | None = None,
 ) -> WeightedObjective:
     """Returns the objective of a goal for pictures on `grid`.
 
     encoders: networks for terms that need them; by default those that were fetched
-    iterations: number of iterations of a plan
     shared: what the objectives of several grids have in common, empty at first
     Raises WeightsError if a network is missing, ConfigError if an objective cannot be used.
     """
@@ -186,10 +178,10 @@ def prepare(
     begun = None if picture is None else images.fit(picture, grid.rows, grid.columns)
     in_style = any(term.colors is not None for term in goal.terms)
     is_held = any(term.is_pixelwise for term in goal.terms)
+    shared = {} if shared is None else shared
     context = ObjectiveContext(
-        grid, encoders or EncoderRegistry(), seed, begun, in_style=in_style, is_held=is_held, iterations=iterations,
-        shared={} if shared is None else shared,
-    )  # fmt: skip
+        grid, encoders or EncoderRegistry(), seed, in_style=in_style, is_held=is_held, shared=shared
+    )
     return WeightedObjective([(term.weight, _prepare_term(term, context)) for term in goal.terms], begun)
 
 

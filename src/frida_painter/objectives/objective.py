@@ -23,11 +23,8 @@ if TYPE_CHECKING:
     from frida_painter.objectives.word_settings import WordSettings
 
 
-# The goal: a person's wishes for the canvas, as weighted terms
-
-
 class Term(ABC):
-    """Base class of the terms of a goal. A term is one wish of a person with its weight.
+    """One wish of a person with its weight: base class of the terms of a goal.
 
     weight: importance, > 0
     initial_order: a plan begins with the terms of the lowest number. A term with None takes part only if no
@@ -38,9 +35,9 @@ class Term(ABC):
     can_be_weighed: True if some places of the picture may matter more than others
     is_loose: True if strokes may be large where the picture matters little
 
-    Pictures are [3, H, W] in [0, 1]. Each kind of goal has a frozen dataclass for its terms
-    (objectives/NAME.py). Terms of different kinds see each other only through the properties below. A subclass
-    must define `prepare`; by default a term has neither a picture nor words.
+    Pictures are [3, H, W] in [0, 1]. Each kind of goal has a frozen dataclass for its terms. Terms of different
+    kinds see each other only through the properties below. A subclass must define `prepare`; by default a term has
+    neither a picture nor words.
     """
 
     weight: float
@@ -65,10 +62,7 @@ class Term(ABC):
 
     @abstractmethod
     def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
-        """Returns the objective of this term after all one-time computations.
-
-        Raises WeightsError if a network is missing.
-        """
+        """Returns the objective after all one-time computations. Raises WeightsError if a network is missing."""
 
     @property
     def picture(self) -> Tensor | None:
@@ -97,10 +91,7 @@ class Term(ABC):
 
     @property
     def guide(self) -> Tensor | None:
-        """Picture that guides the placement of the first strokes, if a plan begins with this term.
-
-        By default `picture`.
-        """
+        """Picture that guides the first strokes, if a plan begins with this term; by default `picture`."""
         return self.picture
 
     @property
@@ -133,10 +124,7 @@ class Term(ABC):
         return self
 
     def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Term:
-        """Returns the term with its pictures fitted to a canvas of `rows` x `columns`.
-
-        pad: True to show the whole picture on white; False to crop it to its middle
-        """
+        """Returns the term with its pictures fitted to `rows` x `columns`; see `Goal.fit_to`."""
         return self
 
     def crop(self, box: tuple[float, float, float, float]) -> Term:
@@ -173,24 +161,20 @@ class Goal:
         if not self.terms:
             raise ConfigError("A goal without any term was given; name at least one picture or some words to paint.")
 
+    def change(self, change: Callable[[Term], Term]) -> Self:
+        """Returns the goal with all terms, also the initial ones, changed."""
+        return replace(self, terms=tuple(map(change, self.terms)), initial=tuple(map(change, self.initial)))
+
     def to(self, device: torch.device) -> Self:
         """Returns the goal with its pictures on that device."""
-        return replace(
-            self,
-            terms=tuple(term.to(device) for term in self.terms),
-            initial=tuple(term.to(device) for term in self.initial),
-        )
+        return self.change(lambda term: term.to(device))
 
     def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
         """Returns the goal with all pictures fitted to a canvas of `rows` x `columns`.
 
         pad: True to show whole pictures on white; False to crop them to their middle
         """
-        return replace(
-            self,
-            terms=tuple(term.fit_to(rows, columns, pad=pad) for term in self.terms),
-            initial=tuple(term.fit_to(rows, columns, pad=pad) for term in self.initial),
-        )
+        return self.change(lambda term: term.fit_to(rows, columns, pad=pad))
 
     @cached_property
     def initial_terms(self) -> tuple[Term, ...]:
@@ -204,8 +188,7 @@ class Goal:
         if not orders:
             return self.terms
         begun = tuple(term.as_start(self) for term in self.terms if term.initial_order == min(orders))
-        same = len(begun) == len(self.terms) and all(map(lambda one, other: one is other, begun, self.terms))
-        return self.terms if same else begun
+        return self.terms if [*map(id, begun)] == [*map(id, self.terms)] else begun
 
 
 def require_weight(weight: float, what: str) -> None:
@@ -213,8 +196,6 @@ def require_weight(weight: float, what: str) -> None:
     if not 0 < weight < math.inf:
         raise ConfigError(f"A weight of {weight} was given to {what}; weights are above 0 and finite.")
 
-
-# Description of a kind of goal, for everything that asks people for goals
 
 _NAME = re.compile("[a-z][a-z0-9_]{0,29}")
 _TAKEN = ("goal", "initial", "photo", "weight", "clip", "pictures")
@@ -229,7 +210,7 @@ class Gives(Enum):
 
 @dataclass(frozen=True)
 class GoalKind:
-    """Description of one kind of goal. It is defined in objectives/NAME.py or in another package.
+    """Kind of goal, for everything that asks people for goals; of this or another package.
 
     name: name of the option --NAME, of its weight --NAME-weight, and of the key in goal files: lower-case
     letters, digits, _
@@ -237,7 +218,6 @@ class GoalKind:
     help: help text of the option, one sentence
     label: name of the goal in records
     open: makes a term from the file or the words, and the weight; raises ConfigError and ImageError
-
     begin: makes the term for a painting that only begins with it; None for `open` with weight 1
     initial_help: help text of the option --init-NAME; "" if there is no such option. Goal files may still begin
     with this kind.
@@ -303,10 +283,7 @@ class KnownKinds:
 
 @cache
 def goal_kinds() -> KnownKinds:
-    """Returns all kinds of goals; loads neither networks nor PyTorch.
-
-    A kind of another package that cannot be loaded is left out with a complaint.
-    """
+    """Returns all kinds of goals without loading PyTorch; one that cannot be loaded is left out with a complaint."""
     known: dict[str, GoalKind] = {}
     complaints: list[str] = []
     for name, part in parts(OBJECTIVES).items():
@@ -329,19 +306,17 @@ class Objective(Protocol):
         >>> goal = fp.make_goal("photo.jpg", objective=objective, weights={"objective": 0.5})
     """
 
-    def __call__(self, picture: Tensor, /) -> Tensor:
-        """Returns the loss of a picture [3, H, W] in [0, 1] as a tensor of one number."""
+    def __call__(self, picture: Tensor, /) -> Tensor: ...  # noqa: D102
 
 
 class CanvasLoss(Protocol):
-    """Loss of a picture of the canvas of which the variance may be known, as planning uses it."""
+    """Loss of a picture [3, H, W] in [0, 1] of the canvas, as planning uses it.
 
-    def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor:
-        """Returns the loss of a picture [3, H, W] in [0, 1] as a scalar.
+    variance [H, W]: variance of the pixels, if `picture` is the mean of possible results. The loss is then the expected
+    loss, as far as the goal can compute it.
+    """
 
-        variance [H, W]: variance of the pixels, if `picture` is the mean of possible results. The loss is then
-        the expected loss, as far as the goal can compute it.
-        """
+    def __call__(self, picture: Tensor, variance: Tensor | None = None) -> Tensor: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -372,23 +347,19 @@ class ObjectiveContext:
     grid: pixel grid of the pictures
     encoders: available networks
     seed: seed of the run
-    begun [3, H, W]: picture on that grid that the painting begins with, if the goal has one beside its terms
-    sharpness: strength of the sharpening of photographs before planning (objectives/pixel_loss.py)
+    sharpness: strength of the sharpening of photographs before planning
     in_style: True if a term of the goal is a style
     is_held: True if a term is compared pixel by pixel, so that others may be computed seldom
     shared: what terms of one goal have in common, by names that they agree on, such as a network's last sight
-    iterations: number of iterations of a plan
     """
 
     grid: PixelGrid
     encoders: EncoderRegistry
     seed: int
-    begun: Tensor | None = None
     sharpness: float = 0.0
     in_style: bool = False
     is_held: bool = False
     shared: dict[str, Any] = field(default_factory=dict)
-    iterations: int = 0
 
 
 @dataclass(frozen=True)
@@ -403,7 +374,6 @@ class ObjectiveTerm:
     on_rows: makes the term for pictures with some rows of the grid only; None if the loss is no mean over pixels
     lasts: number of iterations that one gradient may serve: above 1 if it is slow
     smooth: True if `lasts` counts full steps of the optimiser
-    seconds: time of a gradient with its share of validations, if it was measured
     looks: time of a plan between two gradients, in gradients of the validation
     """
 
@@ -414,15 +384,13 @@ class ObjectiveTerm:
     on_rows: Callable[[Rows], ObjectiveTerm] | None = None
     lasts: int = 1
     smooth: bool = False
-    seconds: float | None = None
     looks: float = 1.0
 
 
 def require_objective(objective: Objective, what: str, rows: int, columns: int, device: torch.device) -> None:
-    """Raises ConfigError unless the objective returns one finite number that PyTorch can derive by the picture.
+    """Raises ConfigError unless the objective `what` returns one finite number that PyTorch can derive by the picture.
 
-    The objective is tried once, on noise [3, rows, columns]: a number that does not change there steers no stroke.
-    what: name of the objective in messages
+    It is tried once, on noise [3, rows, columns]: a number that does not change there steers no stroke.
     """
     import torch
 

@@ -15,10 +15,9 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
-from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.image import ImageTerm, rise, spread
 from frida_painter.objectives.objective import Goal, Term
-from frida_painter.objectives.pixel_loss import rise, spread
-from frida_painter.objectives.sketch_loss import color_drawing, filled_areas
+from frida_painter.objectives.sketch import color_drawing, filled_areas
 from frida_painter.objectives.style_flow import (
     FACE,
     change_by_place,
@@ -80,9 +79,8 @@ def fill_drawing_in_style(goal: Goal, rows: int, columns: int) -> Goal:
     drawn = next((term for term in goal.terms if term.drawing is not None), None)
     if not styles or drawn is None or any(term.picture is not None for term in (*goal.terms, *goal.initial)):
         return goal
-    lines = drawn.drawing
-    assert lines is not None
-    drawing = images.fit(lines, rows, columns)
+    assert drawn.drawing is not None
+    drawing = images.fit(drawn.drawing, rows, columns)
     share = min(1.0, sum(style.weight for style in styles) / drawn.weight)
 
     def paint(style: Tensor) -> Tensor:
@@ -100,9 +98,10 @@ def lay_marks(picture: Tensor, style: Tensor, importance: Tensor | None = None) 
     importance [h, w]: places of three times the least importance, such as faces, keep their picture
     """
     rows, columns = picture.shape[1:]
-    shape = shape_of_pieces(rows, columns)
+    shape = _shape_of_pieces(rows, columns)
     small, whole = to_lab_picture(images.fit(picture, *shape)), to_lab_picture(images.fit(style, *shape))
-    colorless = 1 - float((_chroma_spread(small) / _chroma_spread(whole).clamp(min=1e-6)).clamp(max=1))
+    own_colors, its_colors = (lab[1:].flatten(1).var(1).sum().sqrt() for lab in (small, whole))
+    colorless = 1 - float((own_colors / its_colors.clamp(min=1e-6)).clamp(max=1))
     moved = torch.cat((small[:1], in_colors(small, whole)[1:]))  # values stay: those of even areas have no order
     mixed = torch.lerp(small, moved, _SHARES * colorless)
     colored = torch.lerp(picture, images.fit(from_lab_picture(mixed), rows, columns), colorless)
@@ -117,15 +116,12 @@ def lay_marks(picture: Tensor, style: Tensor, importance: Tensor | None = None) 
 
 def marks_over(picture: Tensor, style: Tensor) -> Tensor:
     """Returns a picture [3, H, W] in Lab in the marks of a style [3, h, w] of sRGB, with mostly its own values."""
-    laid = quilt(picture, pieces_of(style))
+    # Pieces are those of the style at the size of marks; of a panorama they are those of its middle.
+    sides = (_ROWS * magnification(style) * min(side / min(style.shape[1:]), _LONGEST) for side in style.shape[1:])
+    laid = quilt(picture, to_lab_picture(images.fit(style, *map(round, sides))))
     blur = _AREA * mark_spacing(style) * magnification(style) * min(picture.shape[1:])
     values, around = (images.gaussian_blur(one, blur) for one in (picture, laid))
     return torch.lerp(around, values, _VALUES) + _BOLD * (laid - around)
-
-
-def _chroma_spread(lab: Tensor) -> Tensor:
-    """Returns how far the colours of a picture [3, H, W] in Lab differ in a* and b*."""
-    return lab[1:].flatten(1).var(1).sum().sqrt()
 
 
 def to_lab_picture(picture: Tensor) -> Tensor:
@@ -153,7 +149,7 @@ def in_style(scene: Tensor, where: Tensor, style: Tensor) -> Tensor:
     stand out, and hardly the marks
     """
     rows, columns = scene.shape[1:]
-    shape = shape_of_pieces(rows, columns)
+    shape = _shape_of_pieces(rows, columns)
     whole = to_lab_picture(images.fit(style, *shape))
     small, thing = images.fit(scene, *shape), (_CLEAR_SHAPE * images.fit(where[None], *shape)).clamp(max=1)
     ground = in_colors(to_lab_picture(small), whole)
@@ -222,17 +218,8 @@ _AGAIN, _NEAR = 1.0, 2  # cost of each further use of a piece, relative to its o
 _ALIKE = 0.7  # weight of the likeness to the picture; the rest is that of fitting the neighbours
 
 
-def shape_of_pieces(rows: int, columns: int) -> tuple[int, int]:
-    """Returns rows and columns of the small picture that is put together for a picture of this shape."""
+def _shape_of_pieces(rows: int, columns: int) -> tuple[int, int]:
     return _ROWS, max(_PIECE, round(_ROWS * columns / rows))
-
-
-def pieces_of(style: Tensor) -> Tensor:
-    """Returns the part of a style [3, h, w] that pieces are taken from, small and in Lab: of a panorama the middle."""
-    shorter = min(style.shape[1:])
-    side = _ROWS * magnification(style)
-    rows, columns = (round(side * min(length / shorter, _LONGEST)) for length in style.shape[1:])
-    return to_lab_picture(images.fit(style, rows, columns))
 
 
 def quilt(scene: Tensor, style: Tensor) -> Tensor:
@@ -246,8 +233,9 @@ def quilt(scene: Tensor, style: Tensor) -> Tensor:
     ramp = torch.arange(1.0, _PIECE + 1)
     ramp = torch.minimum(ramp, ramp.flip(0)).clamp(max=_PIECE - _STEP)
     window = (ramp[:, None] * ramp).expand(3, -1, -1)
-    for top in _places(scene.shape[1]):
-        for left in _places(scene.shape[2]):
+    tops, lefts = ([*range(0, side - _PIECE, _STEP), side - _PIECE] for side in scene.shape[1:])
+    for top in tops:
+        for left in lefts:
             here = (slice(None), slice(top, top + _PIECE), slice(left, left + _PIECE))
             cost = _ALIKE * (coarse - wanted[here].reshape(size, 1)).square().mean(0)
             beside = weight[here].reshape(size) > 0
@@ -265,8 +253,3 @@ def quilt(scene: Tensor, style: Tensor) -> Tensor:
 def _soften(picture: Tensor) -> Tensor:
     around = functional.pad(picture[None], (_COARSE,) * 4, mode="replicate")
     return functional.avg_pool2d(around, 2 * _COARSE + 1, 1)[0]
-
-
-def _places(length: int) -> list[int]:
-    """Returns the first pixels of pieces that cover `length` pixels."""
-    return [*range(0, length - _PIECE, _STEP), length - _PIECE]

@@ -10,7 +10,7 @@ from torch.nn import functional
 
 from frida_painter.devices import Constant, send_to_device
 from frida_painter.objectives.encoders.base import Reader
-from frida_painter.objectives.semantic_loss import Views
+from frida_painter.objectives.semantic import Views
 from frida_painter.objectives.word_settings import USUAL, ClipWork, WordSettings
 
 _VIEWS = 72

@@ -117,9 +117,7 @@ class Planner:
         seen = weight_by_focus(goal, settings.focus, self.encoders)
         self.goal: Final = interpret_goal(seen, self.fine, self.encoders, settings.seed, settings.sharpness)
         near, grids = self.goal.to(self.device), (self.fine, self.coarse)
-        prepared = partial(
-            prepare, encoders=self.encoders, seed=settings.seed, iterations=self.iterations(settings.strokes), shared={}
-        )
+        prepared = partial(prepare, encoders=self.encoders, seed=settings.seed, shared={})
         initial = (
             prepared(Goal(near.initial_terms), self.coarse) if self.goal.initial_terms is not self.goal.terms else None
         )

@@ -14,9 +14,9 @@ from frida_painter.brush.kinds import CoverageSpread, StrokeModel, painted_area,
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, PlanError, PlanningDiverged
 from frida_painter.frames import ALL_ROWS, PixelGrid, Rows
+from frida_painter.objectives.image import spread
 from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.objective import CanvasLoss, Goal, Sparing
-from frida_painter.objectives.pixel_loss import spread
 from frida_painter.objectives.style_flow import brushwork_of
 from frida_painter.plan import Plan
 from frida_painter.planning.brushwork import brushwork_cost

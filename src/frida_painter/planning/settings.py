@@ -39,7 +39,7 @@ class PlannerSettings:
     new_paints: True if each layer has a palette of its own.
 
     focus: part of a photograph that matters most (objectives/attention.py): "faces" or "none".
-    sharpness: how much sharper than the photograph the plan is (objectives/pixel_loss.py).
+    sharpness: how much sharper than the photograph the plan is (objectives/image.py).
     ground: colour of the bare canvas.
     darkest: colour of the darkest available paint; no stroke is planned darker. None: black.
     paints: paints from which the palettes are mixed: "acrylics", a file of paints, or "any" for every colour.

@@ -14,7 +14,6 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 from pydantic.fields import FieldInfo
 
-from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, ImageError
 from frida_painter.palette_file import is_palette_file, read_colors
@@ -123,14 +122,6 @@ def _whole_path(path: Path | None) -> str | None:
     return None if path is None else str(path.resolve())
 
 
-def _whole_guide(guide: str | None) -> str | None:
-    """Returns a guide with the whole path of its folder, if it names one."""
-    kind, _, rest = (guide or "").partition(":")
-    name, comma, more = rest.partition(",")
-    folder = storage.in_home(name)
-    return f"{kind}:{folder.resolve()}{comma}{more}" if name and storage.exists(folder) else guide
-
-
 def _placement(text: str | None) -> str | None:
     _read(millimetres_and_degrees, text)
     return text
@@ -209,7 +200,6 @@ PaintsInUse = Annotated[str, BeforeValidator(_paints), PlainSerializer(_whole_pa
 Policy = Annotated[str | None, AfterValidator(_policy)]
 Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
 File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]
-Guide = Annotated[str | None, PlainSerializer(_whole_guide, when_used="json")]
 Placement = Annotated[str | None, AfterValidator(_placement)]
 
 

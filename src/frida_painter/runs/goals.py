@@ -9,7 +9,6 @@ from torch import Tensor
 
 from frida_painter.errors import ConfigError
 from frida_painter.images import AnyPicture, as_picture
-from frida_painter.objectives.beyond_pixels import SemanticTerm, SketchTerm, StyleTerm
 from frida_painter.objectives.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import (
     Gives,
@@ -21,12 +20,13 @@ from frida_painter.objectives.objective import (
     goal_kinds,
     require_weight,
 )
+from frida_painter.objectives.semantic import SemanticTerm
+from frida_painter.objectives.sketch import SketchTerm
+from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.word_settings import WordSettings
-from frida_painter.registry import Later
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
 
-_guide = Later("frida_painter.objectives.guidance:guide")
 _MAX_TERMS = 20
 
 OF_PICTURES: dict[str, type[PictureTerm]] = {
@@ -60,16 +60,11 @@ def open_goal(spec: RunSpec) -> Goal:
     )
 
 
-def tell_terms(goal: Goal, settings: WordSettings, freedom: float, guide: str | None = None) -> Goal:
-    """Returns the goal with these settings of its words, and this freedom of its colours.
-
-    guide: diffusion pipeline that its words follow too. Raises ConfigError if it cannot be used.
-    """
+def tell_terms(goal: Goal, settings: WordSettings, freedom: float) -> Goal:
+    """Returns the goal with these settings of its words, and this freedom of its colours."""
     terms, initial = (
         tuple(term.say(settings).free_colors(freedom) for term in some) for some in (goal.terms, goal.initial)
     )
-    if guide is not None:
-        terms += _guide(goal, guide, settings)
     return replace(goal, terms=terms, initial=initial)
 
 

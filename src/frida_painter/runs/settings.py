@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import VIRTUAL
-from frida_painter.objectives.beyond_pixels import USUAL_FREEDOM
+from frida_painter.objectives import USUAL_FREEDOM
 from frida_painter.objectives.word_settings import USUAL, Beginning
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.registry import (
@@ -34,7 +34,6 @@ from frida_painter.runs.fields import (
     File,
     Focus,
     Ground,
-    Guide,
     InitialItems,
     Items,
     PaintsInUse,
@@ -130,9 +129,6 @@ class GoalSettings(SettingSection):
     by a CLIP; nothing: none. auto: what a CLIP likes best of the two, or a scene."""
     avoid: str = setting(USUAL.avoid, value="WORDS", usual="no words", max_length=200)
     """Words that a painting of words should not look like."""
-    guide: Guide = setting(None, value="diffusers:NAME", usual="a CLIP alone, if there is one", min_length=1)
-    """A diffusion pipeline that leads the plan of words, by score distillation: diffusers:NAME is a folder, or a
-    name on the hub, fetched once. diffusers:NAME,scale=X says how strongly the words count, 100 by default."""
     freedom: float = setting(USUAL_FREEDOM, ge=0, le=1)
     """Freedom of the colours of a painting by content (--semantic) from those of the picture: 0 is faithful, 1 is
     wild."""

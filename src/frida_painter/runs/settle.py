@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -180,12 +180,12 @@ def open_planner(
     tell: receives a sentence about each wait.
     heed: called often in waits; may raise to end them.
     Raises CalibrationError if the record is damaged, WeightsError if a brush or a network is missing, ConfigError
-    if --clip or --pictures has no use, or --guide cannot be used.
+    if --clip or --pictures has no use.
     """
     device = planning_device()
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures, tell=tell, heed=heed)
     work = spec.effort * (_ON_GPU if device.type == "cuda" else 1.0)
-    told = tell_terms(goal, replace(spec.words, effort=work), spec.freedom, spec.guide)
+    told = tell_terms(goal, replace(spec.words, effort=work), spec.freedom)
     planner = Planner(told, planner_settings(spec, model), encoders=networks, device=device)
     chosen_by_clip = making_facts(*spec.goal, *spec.initial)
     if networks.idle_clip is not None and not chosen_by_clip:
@@ -316,7 +316,7 @@ def open_recorder(
     settings = {
         **({"photo": Path(first.value).name} if first is not None and first.kind == "image" else {}),
         "goal": [list(fact) for fact in (*spec.goal_facts, *making_facts(*spec.goal, *spec.initial))],
-        "encoders": [choice.record() for choice in encoders.choices],
+        "encoders": [asdict(choice) for choice in encoders.choices],
         "remarks": list(encoders.remarks),
         **spec.record(),
     }

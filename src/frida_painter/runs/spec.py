@@ -127,8 +127,6 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
     def _require_words(self) -> None:
         """Raises ValueError if settings of words are wrong, or given without words."""
         kinds = {item.kind for item in (*self.goal, *self.initial)}
-        if self.guide is not None and all(item.kind != "text" for item in self.goal) and (self.goal or self.together):
-            raise ValueError("--guide follows words, and the goal has none; leave it out, or give --text")
         if kinds and "text" not in kinds and self.words != USUAL:
             said = zip(_WORDS, astuple(self.words), astuple(USUAL), strict=True)
             option = next(name for name, mine, usual in said if mine != usual)

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from frida_painter import images, weights
 from frida_painter.objectives.encoders.base import Seer
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite
+from frida_painter.objectives.encoders.convolutional import EfficientNetLite
 from frida_painter_lab.measures import feature_distance, psnr, ssim
 
 PSNR, SSIM, PERCEPTUAL, FORECAST = "PSNR, dB", "SSIM", "perceptual distance", "forecast, dB"

@@ -16,7 +16,8 @@ from PIL import Image
 from frida_painter import images
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders import clip as module
-from frida_painter.objectives.encoders.clip import MEAN, SPREAD, Clip
+from frida_painter.objectives.encoders.clip import Clip
+from frida_painter.objectives.encoders.convolutional import CLIP_MEAN, CLIP_SPREAD
 from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip, write_siglip
 from tiny_weights import Trap, serving
 
@@ -45,7 +46,7 @@ def test_the_network_is_asked_as_transformers_asks_it(clip: Clip, folder: Path) 
 
     model = CLIPModel.from_pretrained(folder).eval()
     picture = torch.rand(1, 3, SIDE, SIDE, generator=torch.Generator().manual_seed(0))
-    normal = (picture - torch.tensor(MEAN)[:, None, None]) / torch.tensor(SPREAD)[:, None, None]
+    normal = (picture - torch.tensor(CLIP_MEAN)[:, None, None]) / torch.tensor(CLIP_SPREAD)[:, None, None]
     with torch.no_grad():
         wanted = model.get_image_features(normal).pooler_output
         last = model.vision_model(normal).last_hidden_state
@@ -68,7 +69,9 @@ def test_pictures_are_prepared_as_pillow_would(clip: Clip, size: tuple[int, int]
     resized = Image.fromarray(images.to_uint8(smooth)).resize(wanted_size, Image.Resampling.BICUBIC)
     left, top = (wanted_size[0] - SIDE) // 2, (wanted_size[1] - SIDE) // 2
     middle = np.asarray(resized.crop((left, top, left + SIDE, top + SIDE)))
-    wanted = (images.from_uint8(middle) - torch.tensor(MEAN)[:, None, None]) / torch.tensor(SPREAD)[:, None, None]
+    wanted = (images.from_uint8(middle) - torch.tensor(CLIP_MEAN)[:, None, None]) / torch.tensor(CLIP_SPREAD)[
+        :, None, None
+    ]
     torch.testing.assert_close(clip._as_input(smooth[None])[0], wanted, atol=0.03, rtol=0)
 
 

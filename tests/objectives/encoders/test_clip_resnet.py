@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.clip import MEAN, SPREAD, ClipResNet
+from frida_painter.objectives.encoders.convolutional import CLIP_MEAN, CLIP_SPREAD, ClipResNet
 from tiny_clip import resnet_tensors
 
 
@@ -90,7 +90,7 @@ def restated() -> Tower:
 def test_it_is_the_network_of_the_paper() -> None:
     views = torch.rand(2, 3, SIDE, SIDE, generator=torch.Generator().manual_seed(1))
     network, plain = ClipResNet(resnet_tensors()), restated()
-    normal = (views - torch.tensor(MEAN)[:, None, None]) / torch.tensor(SPREAD)[:, None, None]
+    normal = (views - torch.tensor(CLIP_MEAN)[:, None, None]) / torch.tensor(CLIP_SPREAD)[:, None, None]
     with torch.no_grad():
         last = plain(normal)
         torch.testing.assert_close(network.features(views)[1], last, rtol=1e-3, atol=1e-4)

@@ -7,7 +7,7 @@ from torch.nn import functional
 from downloads import fetched
 from frida_painter import weights
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite
+from frida_painter.objectives.encoders.convolutional import EfficientNetLite
 from support.networks import random_lite_tensors
 
 

@@ -4,7 +4,7 @@ import torch
 from downloads import fetched
 from frida_painter import images, weights
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.vgg import Hed
+from frida_painter.objectives.encoders.convolutional import Hed
 from support.networks import random_hed_tensors
 
 

@@ -11,11 +11,11 @@ import torch
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.beyond_pixels import StyleTerm
 from frida_painter.objectives.encoders import loading
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal, ObjectiveContext
+from frida_painter.objectives.style import StyleTerm
 from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders
 from support.planning import picture

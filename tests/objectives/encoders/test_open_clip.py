@@ -11,7 +11,8 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.clip import MEAN, Clip
+from frida_painter.objectives.encoders.clip import Clip
+from frida_painter.objectives.encoders.convolutional import CLIP_MEAN
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip
 
@@ -75,7 +76,7 @@ def write_open_clip(folder: Path, *, archive: bool = False) -> Path:
 
 
 def write_settings(folder: Path, model: object) -> None:
-    settings = {"model_cfg": model, "preprocess_cfg": {"mean": MEAN, "std": [0.3, 0.3, 0.3]}}
+    settings = {"model_cfg": model, "preprocess_cfg": {"mean": CLIP_MEAN, "std": [0.3, 0.3, 0.3]}}
     (folder / CONFIG).write_text(json.dumps(settings))
 
 
@@ -91,7 +92,7 @@ def test_the_network_is_the_same(tmp_path: Path, *, archive: bool) -> None:
     clip = Clip.load(folder)
     picture = torch.rand(1, 3, SIDE, SIDE, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
-        seen = model.get_image_features((picture - torch.tensor(MEAN)[:, None, None]) / 0.3).pooler_output
+        seen = model.get_image_features((picture - torch.tensor(CLIP_MEAN)[:, None, None]) / 0.3).pooler_output
         tokens = clip._tokenizer("cat", return_tensors="pt")
         read = model.get_text_features(**{key: tokens[key] for key in ("input_ids", "attention_mask")}).pooler_output
     assert int(tokens["input_ids"][0, -1]) == 40

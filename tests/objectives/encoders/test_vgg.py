@@ -4,8 +4,8 @@ from torch.nn import functional
 
 from downloads import fetched
 from frida_painter.errors import WeightsError
+from frida_painter.objectives.encoders.convolutional import Vgg16
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.encoders.vgg import Vgg16
 from support.networks import random_vgg_tensors
 
 
@@ -56,7 +56,7 @@ def test_without_weights_the_sentence_says_how_to_get_them(tmp_path: pytest.Temp
 
 def test_textures_are_told_apart() -> None:
     """Halves of one photograph are nearer to each other in style than to another texture."""
-    from frida_painter.objectives.style_loss import Style
+    from frida_painter.objectives.style import Style
     from support import data
 
     fetched("hed")

@@ -1,7 +1,7 @@
 """Networks of a painting: the best available one for each purpose, loaded at its first use."""
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -15,12 +15,11 @@ from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
 from frida_painter.registry import Later, cache_folder
 
 if TYPE_CHECKING:
+    from frida_painter.objectives.encoders.convolutional import Hed, Vgg16
     from frida_painter.objectives.encoders.sentence import SentenceEncoder
-    from frida_painter.objectives.encoders.vgg import Hed, Vgg16
 
 
 Kept = TypeVar("Kept")
-
 _find_weights = Later("frida_painter.weights:find")
 _read_weights = Later("frida_painter.weights:tensors")
 _tensor_names = Later("frida_painter.weights.hub_folder:tensor_names")
@@ -39,20 +38,11 @@ class Choice:
     purpose: its task
     used: name of the network
     better: name of a better network that was missing, with the command that fetches it; "" if there is none
-    hashes: SHA-256 of its files, if a person named them
     """
 
     purpose: str
     used: str
     better: str = ""
-    hashes: str = ""
-
-    def record(self) -> dict[str, str]:
-        """Returns the choice as plain values; hashes only if there are any."""
-        return {name: value for name, value in asdict(self).items() if value or name != "hashes"}
-
-
-_ASIDE = Choice("progress", "EfficientNet-Lite2, kept aside")
 
 
 class EncoderRegistry:
@@ -85,46 +75,32 @@ class EncoderRegistry:
         self.cache = cache
         self.tell, self.heed = tell, heed
         self.device = device or torch.device("cpu")
-        self._clip_source = clip
-        self._pictures = pictures
+        self._clip_source, self._pictures = clip, pictures
         self._asked_for_pictures = False
         self._clip: Encoder | None = None
-        self._vgg: Vgg16 | None = None
-        self._meaning: Seer | None = None
-        self._aside: Seer | None = None
-        self._edges: Hed | None = None
-        self._sentences: SentenceEncoder | None = None
-        self._kept_by_name: dict[str, Any] = {}
+        self._loaded: dict[str, Any] = {}
         self.choices: list[Choice] = []
         self.remarks: list[str] = []
 
     def style(self) -> "Vgg16":
         """Returns the network for style: VGG16 of ImageNet, or else the trunk of the edge detector."""
-        from frida_painter.objectives.encoders.vgg import Vgg16
+        from frida_painter.objectives.encoders.convolutional import Vgg16
 
-        if self._vgg is None:
-            if _find_weights("vgg16", self.cache) is not None:
-                self._vgg = Vgg16.of_torchvision(self._tensors("vgg16"))
-                self.choices.append(Choice("style", "VGG16"))
-            else:
-                self._vgg = Vgg16.of_hed(self._tensors("hed"))
-                better = "VGG16 as trained on ImageNet: frida-painter models fetch vgg16"
-                self.choices.append(Choice("style", "VGG16 trunk of the edge detector HED", better))
-        return self._vgg
+        if self._has("vgg16"):
+            return self._load("vgg16", Vgg16.of_torchvision, Choice("style", "VGG16"))
+        better = "VGG16 as trained on ImageNet: frida-painter models fetch vgg16"
+        return self._load("hed", Vgg16.of_hed, Choice("style", "VGG16 trunk of the edge detector HED", better))
 
     def meaning(self) -> Seer:
         """Returns the network for content: CLIP, or else EfficientNet-Lite0."""
-        from frida_painter.objectives.encoders.classifiers import EfficientNetLite
+        from frida_painter.objectives.encoders.convolutional import EfficientNetLite
 
-        if self._meaning is None:
-            clip = self.clip()
-            if clip is not None:
-                self._meaning = clip
-                self.choices.append(Choice("meaning", clip.name))
-            else:
-                self._meaning = EfficientNetLite(self._tensors("efficientnet-lite0"))
-                self.choices.append(Choice("meaning", "EfficientNet-Lite0", CLIP_MISSING))
-        return self._meaning
+        clip = self.clip()
+        if clip is not None:
+            self._note(Choice("meaning", clip.name))
+            return clip
+        choice = Choice("meaning", "EfficientNet-Lite0", CLIP_MISSING)
+        return self._load("efficientnet-lite0", EfficientNetLite, choice)
 
     @property
     def idle_clip(self) -> str | None:
@@ -145,13 +121,11 @@ class EncoderRegistry:
         """Returns the requested or the fetched CLIP; None if there is none."""
         from frida_painter.objectives.encoders.clip import Clip
 
-        if self._clip is None:
-            if self._clip_source is not None:
-                self._clip = self._load_clip(self._clip_source)
-                return self._clip
-            for known, called in _CLIPS.items():
-                if self._clip is None and (folder := _find_weights(known, self.cache)) is not None:
-                    self._clip = Clip.load(folder, called)
+        if self._clip is None and self._clip_source is not None:
+            self._clip = self._load_clip(self._clip_source)
+        elif self._clip is None:
+            found = ((_find_weights(known, self.cache), called) for known, called in _CLIPS.items())
+            self._clip = next((Clip.load(folder, called) for folder, called in found if folder is not None), None)
         return self._clip
 
     def clip_of_style(self) -> Seer | None:
@@ -163,41 +137,33 @@ class EncoderRegistry:
 
     def shapes(self) -> "Vgg16 | None":
         """Returns the network for shapes; None, with a note in `choices`, if neither VGG16 nor HED was fetched."""
-        if self._vgg is None and all(_find_weights(name, self.cache) is None for name in ("vgg16", "hed")):
-            missing = Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed")
-            self._note(missing)
-            return None
-        return self.style()
+        if self._has("vgg16") or self._has("hed"):
+            return self.style()
+        self._note(Choice("shapes", "nothing", "the trunk of HED: frida-painter models fetch hed"))
+        return None
 
     def edges(self) -> "Hed":
         """Returns the edge detector."""
-        from frida_painter.objectives.encoders.vgg import Hed
+        from frida_painter.objectives.encoders.convolutional import Hed
 
-        if self._edges is None:
-            self._edges = Hed(self._tensors("hed"))
-            self.choices.append(Choice("edges", "HED"))
-        return self._edges
+        return self._load("hed", Hed, Choice("edges", "HED"))
 
     def edges_if_any(self) -> "Hed | None":
         """Returns the edge detector; None if it was not fetched."""
-        return None if self._edges is None and _find_weights("hed", self.cache) is None else self.edges()
+        return self.edges() if self._has("hed") else None
 
     def aside(self) -> Seer:
         """Returns the network for the validation, which decides when to stop.
 
         It differs from the network of the optimiser, unless no other one was fetched.
         """
-        from frida_painter.objectives.encoders.classifiers import EfficientNetLite
+        from frida_painter.objectives.encoders.convolutional import EfficientNetLite
 
-        if self._aside is None:
-            other = _find_weights("efficientnet-lite2", self.cache)
-            if other is None:
-                better = "an eye kept aside: frida-painter models fetch efficientnet-lite2"
-                self.choices.append(Choice("progress", "the same network", better))
-                return self.meaning()
-            self._aside = EfficientNetLite(self._tensors("efficientnet-lite2"))
-            self._note(_ASIDE)
-        return self._aside
+        if not self._has("efficientnet-lite2"):
+            better = "an eye kept aside: frida-painter models fetch efficientnet-lite2"
+            self._note(Choice("progress", "the same network", better))
+            return self.meaning()
+        return self._load("efficientnet-lite2", EfficientNetLite, Choice("progress", "EfficientNet-Lite2, kept aside"))
 
     @property
     def reads_by_clip(self) -> bool:
@@ -228,23 +194,23 @@ class EncoderRegistry:
         """Returns the encoder of words alone, by which pictures are found for them."""
         from frida_painter.objectives.encoders.sentence import SentenceEncoder
 
-        if self._sentences is None:
+        if "minilm" not in self._loaded:
             if not self.composes:
                 raise WeightsError(
                     "Painting from words needs minilm, not here yet; fetch with `frida-painter models fetch words`."
                 )
-            self._sentences = SentenceEncoder.load(self.cache)
+            self._loaded["minilm"] = SentenceEncoder.load(self.cache)
             self._note(Choice("words", "pictures by their captions (MiniLM)", CLIP_MISSING))
-        return self._sentences
+        return cast("SentenceEncoder", self._loaded["minilm"])
 
     def keep(self, name: str, make: Callable[[], Kept]) -> Kept:
         """Returns the result of `make`, cached under that name as long as the networks; for other modules.
 
         None is not cached: the next call makes the result again.
         """
-        if self._kept_by_name.get(name) is None:
-            self._kept_by_name[name] = make()
-        return cast(Kept, self._kept_by_name[name])
+        if self._loaded.get(name) is None:
+            self._loaded[name] = make()
+        return cast(Kept, self._loaded[name])
 
     def remark(self, words: str) -> None:
         """Adds a note for the person, once."""
@@ -262,14 +228,21 @@ class EncoderRegistry:
         return cache_folder(self.cache) / "meanings"
 
     def _has(self, name: str) -> bool:
-        return _find_weights(name, self.cache) is not None
+        return registry.are_here(name, self.cache)
 
-    def _tensors(self, name: str) -> dict[str, Tensor]:
-        return {part: tensor.to(self.device) for part, tensor in _read_weights(name, self.cache).items()}
+    def _load(self, name: str, make: Callable[[dict[str, Tensor]], Kept], choice: Choice) -> Kept:
+        """Returns the network that is made of these weights, the same for the same choice, and notes the choice."""
+        key = f"{name}, {choice.purpose}"
+        if key not in self._loaded:
+            tensors = _read_weights(name, self.cache)
+            self._loaded[key] = make({part: tensor.to(self.device) for part, tensor in tensors.items()})
+            self._note(choice)
+        return cast(Kept, self._loaded[key])
 
     def _load_clip(self, source: str) -> Encoder:
         """Returns the encoder of an installed package, or the CLIP of a file, a folder or a hub's name."""
-        from frida_painter.objectives.encoders.clip import Clip, ClipResNet
+        from frida_painter.objectives.encoders.clip import Clip
+        from frida_painter.objectives.encoders.convolutional import ClipResNet
 
         for point in entry_points(group=GROUP, name=source):
             return _load_plugin(point, self.device)

@@ -1,18 +1,58 @@
-"""Semantic objective: same content as a picture, as networks see it, instead of the same pixels."""
+"""Goal "semantic": same content as a picture, as networks see it, instead of the same pixels."""
+
+from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
+from frida_painter import images
 from frida_painter.devices import send_to_device
-from frida_painter.images import resize_to_pixels
+from frida_painter.objectives import USUAL_FREEDOM
+from frida_painter.objectives.attention import start_from_meaning
 from frida_painter.objectives.encoders.base import Seer
-from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.pixel_loss import rise, spread
+from frida_painter.objectives.encoders.convolutional import Vgg16
+from frida_painter.objectives.image import PaintedTerm, rise, spread
+from frida_painter.objectives.objective import GRADIENT_LASTS, Goal, ObjectiveContext, ObjectiveTerm
 from frida_painter.palette import from_lab, to_lab
+
+
+@dataclass(frozen=True)
+class SemanticTerm(PaintedTerm):
+    """Term of a goal: paint the content of a picture, not its pixels.
+
+    freedom: how far the colours may leave those of the picture, from 0, hardly, to 1, wild
+    """
+
+    freedom: float = USUAL_FREEDOM
+    called = "a picture to be painted by its meaning"
+    is_loose = True
+    initial_order = 2
+    interpretation_order = 4
+
+    def free_colors(self, freedom: float) -> SemanticTerm:
+        """Returns the term with this freedom of its colours; above 0.5 those of its picture are further apart."""
+        return replace(self, image=spread_colors(self.image, freedom), freedom=freedom)
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """Returns the difference as networks see it. The validation uses a network that the optimiser does not use."""
+        # Only the part that fills the canvas counts as content.
+        shown = images.fit(self.image, context.grid.rows, context.grid.columns)
+        how = context.seed, context.encoders.shapes(), self.freedom, self.importance
+        aside = Semantic(shown, context.encoders.aside(), *how)
+        seen = Semantic(shown, context.encoders.meaning(), *how)
+        lasts = GRADIENT_LASTS if context.in_style else 1
+        return ObjectiveTerm(seen, aside.validation, lasts=lasts, smooth=context.in_style)
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """Lets the plan begin with the pixels of the picture, weighted by their importance for its content."""
+        return start_from_meaning(goal, context.encoders)
+
 
 # Augmented views of a picture: noise that fools a network in one view does not in another.
 
@@ -41,12 +81,9 @@ class Views:
         seen = torch.einsum("nij,hwj->nhwi", self._maps, torch.stack((x, y, torch.ones_like(x)), -1))
         self._points = seen[..., :2] / seen[..., 2:]  # [count, size, size, 2]
 
-    def __len__(self) -> int:
-        return len(self._maps)
-
     def some(self, count: int, generator: torch.Generator) -> Tensor:
         """Returns the numbers [count] of different random views: half of them whole, if whole views were asked for."""
-        order = torch.randperm(len(self), generator=generator)
+        order = torch.randperm(len(self._maps), generator=generator)
         if not self._wholes:
             return order[:count]
         whole = order <= self._wholes
@@ -54,10 +91,7 @@ class Views:
         return torch.cat((first, order[~whole][: count - len(first)]))
 
     def of(self, picture: Tensor, which: Tensor) -> Tensor:
-        """Returns views of a picture [3, H, W]: [n, 3, size, size].
-
-        which [n]: numbers of the views, on the CPU
-        """
+        """Returns the views with the numbers `which` [n], on the CPU, of a picture [3, H, W]: [n, 3, size, size]."""
         side = self._size * 5 // 4
         small = functional.interpolate(picture[None], [side, side], mode="bilinear", antialias=True)
         return _sample(small, self._points[which])
@@ -92,7 +126,7 @@ def _look(generator: torch.Generator, closest: float) -> Tensor:
 
     closest: least share of the picture's sides that the view shows
     """
-    import cv2  # loaded here because only networks need it
+    import cv2
 
     share, right, down = torch.rand(3, generator=generator).tolist()
     share = closest + (1 - closest) * math.sqrt(share)
@@ -150,7 +184,7 @@ class Semantic:
         self._generator = torch.Generator().manual_seed(seed)
         with torch.no_grad():
             self._targets = seer.features(self._views.of(image, torch.arange(_VIEWS)))
-            self._shapes = [] if trunk is None else trunk.features(resize_to_pixels(image, _PIXELS), _LAYERS)
+            self._shapes = [] if trunk is None else trunk.features(images.resize_to_pixels(image, _PIXELS), _LAYERS)
 
     def __call__(self, picture: Tensor) -> Tensor:
         """Returns the distance of a picture [3, H, W] in [0, 1] in two random views. Differentiable."""
@@ -163,12 +197,12 @@ class Semantic:
     def _distance(self, picture: Tensor, which: Tensor) -> Tensor:
         total = picture.new_zeros(())
         for seen, targets in zip(self._seer.features(self._views.of(picture, which)), self._targets, strict=True):
-            total = total + _apart(seen, targets[send_to_device(which, targets.device)])
+            wanted = targets[send_to_device(which, targets.device)].to(seen)
+            total = total + (1 - functional.cosine_similarity(seen, wanted, dim=1)).mean()
         if self._trunk is None:
             return _BALANCE * total
-        for shapes, wanted in zip(
-            self._trunk.features(resize_to_pixels(picture, _PIXELS), _LAYERS), self._shapes, strict=True
-        ):
+        found = self._trunk.features(images.resize_to_pixels(picture, _PIXELS), _LAYERS)
+        for shapes, wanted in zip(found, self._shapes, strict=True):
             total = total + self._weigh(1 - functional.cosine_similarity(shapes, wanted.to(shapes), dim=0))
         wanted = self._image.to(picture)
         colors = self._weigh((_blur(picture) - _blur(wanted)).square().mean(0))
@@ -202,12 +236,6 @@ def spread_colors(picture: Tensor, freedom: float) -> Tensor:
     return from_lab(mean + (lab - mean) * spread).permute(2, 0, 1)
 
 
-def _apart(seen: Tensor, wanted: Tensor) -> Tensor:
-    """Returns the mean cosine distance of maps [n, c, h, w] over all places."""
-    return (1 - functional.cosine_similarity(seen, wanted.to(seen), dim=1)).mean()
-
-
 def _blur(picture: Tensor) -> Tensor:
-    """Returns the picture with each pixel replaced by the mean of its neighbourhood."""
     reach = round(_COLORS * min(picture.shape[1:]))
     return functional.avg_pool2d(picture[None], 2 * reach + 1, 1, reach, count_include_pad=False)[0]

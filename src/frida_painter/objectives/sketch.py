@@ -1,17 +1,81 @@
-"""Sketch objective: edges at the lines of a drawing, and the same content."""
+"""Goal "sketch": edges at the lines of a drawing, and the same content."""
+
+from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
 
 from frida_painter import images
-from frida_painter.images import resize_to_pixels
-from frida_painter.objectives.encoders.vgg import Hed
-from frida_painter.objectives.objective import Goal, Term
+from frida_painter.errors import ConfigError
+from frida_painter.objectives.encoders.convolutional import Hed
+from frida_painter.objectives.image import ImageTerm, PictureTerm
+from frida_painter.objectives.objective import GRADIENT_LASTS, Goal, ObjectiveContext, ObjectiveTerm, Term
+from frida_painter.objectives.semantic import Semantic
 from frida_painter.palette import Palette, to_lab
+
+_FEWEST = 2e-4  # smallest share of line pixels; fewer are a speck
+_BROAD = 1 / 40  # of a canvas's shorter side: about the finest lines of the brushes
+
+
+@dataclass(frozen=True)
+class SketchTerm(PictureTerm):
+    """Term of a goal: paint along the lines of a drawing, which has at least one line.
+
+    The drawing has dark lines on light paper, scanned or photographed, or chalk on a dark board.
+    shown [3, h, w]: the drawing on a photograph that is painted with it; None for white paper
+    Raises ConfigError if there is no line.
+    """
+
+    shown: Tensor | None = None
+    called = "a sketch"
+    is_tried = False
+    initial_order = 1
+    interpretation_order = 1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not float(ink(clean_drawing(self.image)).float().mean()) >= _FEWEST:
+            raise ConfigError(
+                "A sketch without a single line was given; give a drawing of dark lines on light paper, or of chalk."
+            )
+
+    @property
+    def drawing(self) -> Tensor:
+        """Lines on white paper, at least as broad as a brush paints: [3, H, W] in [0, 1]."""
+        return broaden_lines(clean_drawing(self.image), _BROAD)
+
+    @property
+    def guide(self) -> Tensor:
+        """Drawing as it was given."""
+        return self.image
+
+    def as_start(self, goal: Goal) -> ImageTerm:
+        """Returns the drawing as a picture."""
+        return ImageTerm(self.drawing, self.weight)
+
+    def on_picture(self, picture: Tensor) -> SketchTerm:
+        """Returns the term for a drawing on a picture: its edges are those of lines and picture together."""
+        return replace(self, shown=picture)
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """Returns the difference of edges by HED, with a small part for the content."""
+        lines = self.drawing if self.shown is None else self.shown
+        drawing = images.fit(lines, context.grid.rows, context.grid.columns)
+        shown, hed = Semantic(drawing, context.encoders.meaning(), context.seed), context.encoders.edges()
+        seen, validation = Sketch(drawing, hed, shown), Sketch(drawing, hed, shown.validation)
+        return ObjectiveTerm(seen, validation, lasts=GRADIENT_LASTS if context.is_held else 1, smooth=context.is_held)
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """Draws the sketches on the pictures of the goal."""
+        return overlaid(goal)
+
 
 # Preparation of drawings: even light, lines as broad as the brush, filled areas
 
@@ -52,8 +116,6 @@ def ink(drawing: Tensor) -> Tensor:
 
 def broaden_lines(drawing: Tensor, share: float) -> Tensor:
     """Returns a cleaned drawing [3, H, W] with lines about `share` of its shorter side wide; wider lines stay."""
-    import cv2  # loaded here because only drawings need it
-
     lines = ink(drawing).cpu().numpy().astype(np.uint8)
     depth = cv2.distanceTransform(lines, cv2.DIST_L2, 3)
     # Across a line of half width a, the mean distance to its nearest edge pixel is (a + 1) / 2.
@@ -72,8 +134,6 @@ def color_drawing(drawing: Tensor, style: Tensor) -> Tensor:
     Lines get the darkest colour. The largest enclosed area (the ground) gets the lightest. The other areas get
     the most vivid colours in turn. Specks between lines get the colour of the lines.
     """
-    import cv2
-
     seen = functional.interpolate(style[None], (48, 48), mode="bilinear", antialias=True)[0].flatten(1).T
     colors = Palette.cluster(seen, torch.ones(len(seen)), _COLORS, seed=0).color.to(drawing)
     vivid = torch.argsort(to_lab(colors[1:-1])[:, 1:].norm(dim=1), descending=True)
@@ -104,8 +164,6 @@ def _close(picture: Tensor, reach: int) -> Tensor:
     return functional.avg_pool2d(pad(-functional.max_pool2d(pad(-dilated), around, 1)), around, 1)
 
 
-# A drawing beside a photograph: its lines are drawn on the photograph.
-
 _DARK = 0.4  # lightness of the photograph below the lines; darker ones get light lines
 
 
@@ -132,7 +190,7 @@ def overlaid(goal: Goal) -> Goal:
             return term.with_picture(together if term.picture is picture else drawn(term.picture))
         return term.on_picture(together)
 
-    return Goal(tuple(shown(term) for term in goal.terms), goal.initial)
+    return replace(goal, terms=tuple(map(shown, goal.terms)))
 
 
 def draw_on_picture(picture: Tensor, drawing: Tensor) -> Tensor:
@@ -181,5 +239,5 @@ class Sketch:
 
     def _see(self, picture: Tensor) -> list[Tensor]:
         """Returns the edges [h, w] at each blur."""
-        edges = self._hed.edges(resize_to_pixels(picture, _PIXELS))
+        edges = self._hed.edges(images.resize_to_pixels(picture, _PIXELS))
         return [images.gaussian_blur(edges[None], share * min(edges.shape))[0] for share in _BLURS]

@@ -1,4 +1,9 @@
-"""Style objective: colours, textures and marks of another picture, independent of their places."""
+"""Goal "style": colours, textures and marks of another picture, independent of their places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -6,13 +11,67 @@ from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.devices import Constant, send_to_device
-from frida_painter.frames import PixelGrid
-from frida_painter.images import resize_to_pixels
+from frida_painter.errors import ConfigError
 from frida_painter.objectives.encoders.base import Seer
-from frida_painter.objectives.encoders.vgg import Vgg16
-from frida_painter.objectives.objective import Goal, Term
-from frida_painter.objectives.style_flow import change_by_place, magnification, styles_of
+from frida_painter.objectives.encoders.convolutional import Vgg16
+from frida_painter.objectives.image import PictureTerm, rise
+from frida_painter.objectives.objective import GRADIENT_LASTS, Goal, ObjectiveContext, ObjectiveTerm, Term
+from frida_painter.objectives.style_flow import FACE, change_by_place, magnification, styles_of
+from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style_marks
 from frida_painter.palette import from_lab, to_lab
+
+_FLAT = 0.01  # standard deviation below which a picture has a single colour
+
+
+@dataclass(frozen=True)
+class StyleTerm(PictureTerm):
+    """Term of a goal: paint in the style of a picture. Raises ConfigError if the picture has a single colour.
+
+    free [h, w]: places of the painting that are free of the style, such as faces, 1, and others, 0; None if none is
+    """
+
+    free: Tensor | None = None
+    called = "a style"
+    is_tried = False
+    longest = 1024  # pixels; styles are compared in small pictures
+    initial_order = 3
+    interpretation_order = 3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not float(self.image.flatten(1).std(1).max()) >= _FLAT:
+            raise ConfigError("A style picture of a single colour was given, which has no style; give another picture.")
+
+    @property
+    def colors(self) -> Tensor:
+        """Style picture."""
+        return self.image
+
+    def fit_to(self, rows: int, columns: int, *, pad: bool = False) -> Self:
+        """Returns the term unchanged: a style does not fill the canvas."""
+        return self
+
+    def prepare(self, context: ObjectiveContext) -> ObjectiveTerm:
+        """Returns the distance in style by VGG16, and by a CLIP's layers too if there is one."""
+        encoders, grid = context.encoders, context.grid
+        pixels = max(_FEWEST_PIXELS, min(_PIXELS, round(_OF_GRID * grid.rows * grid.columns)))
+        judge = Style(self.image, encoders.style(), context.seed, pixels, self.free, encoders.clip_of_style())
+        return ObjectiveTerm(judge, lasts=GRADIENT_LASTS, smooth=True)
+
+    @classmethod
+    def interpret(cls, goal: Goal, context: ObjectiveContext) -> Goal:
+        """Moves the colours of the pictures to paint to those of the styles, and puts photographs into their marks.
+
+        A drawing without a photograph gets a picture in the style. Faces are free of all styles.
+        """
+        made = fill_drawing_in_style(in_style_marks(in_style_colors(goal)), context.grid.rows, context.grid.columns)
+        matters = next((term.importance for term in made.terms if term.importance is not None), None)
+        if matters is None or any(term.words is not None for term in made.terms):
+            return made
+        free = rise(matters, FACE)
+        terms = (replace(one, free=free) if isinstance(one, cls) else one for one in made.terms)
+        return replace(made, terms=tuple(terms))
+
 
 # Distance of two clouds of features: a differentiable relaxation of the Earth Mover's Distance
 #
@@ -32,22 +91,10 @@ def euclidean_cost(a: Tensor, b: Tensor) -> Tensor:
     return (squared.clamp(min=0) + _SMALL).sqrt()
 
 
-def relaxed_emd(cost: Tensor) -> Tensor:
-    """Returns a lower bound of the Earth Mover's Distance for cost [n, m] between two clouds of equal weights.
-
-    Each point moves to its cheapest partner. This is done in both directions; the larger mean cost counts.
-    """
-    return torch.maximum(cost.amin(1).mean(), cost.amin(0).mean())
-
-
-def _cloud_moments(rows: Tensor) -> tuple[Tensor, Tensor]:
+def _moments(rows: Tensor) -> tuple[Tensor, Tensor]:
     """Returns mean [c] and covariance [c, c] of rows [n, c]."""
     mean = rows.mean(0)
     return mean, (rows - mean).T @ (rows - mean) / len(rows)
-
-
-def _apart(one: tuple[Tensor, Tensor], other: tuple[Tensor, Tensor]) -> Tensor:
-    return sum(((a - b).abs().mean() for a, b in zip(one, other, strict=True)), one[0].new_zeros(()))
 
 
 def _unit(rows: Tensor) -> Tensor:
@@ -63,12 +110,13 @@ class Cloud:
     def __init__(self, rows: Tensor, *, cosine: bool) -> None:
         self._cosine = cosine
         self._rows = Constant(_unit(rows) if cosine else rows)
-        self._mean, self._covariance = map(Constant, _cloud_moments(rows))
+        self._kept = [*map(Constant, _moments(rows))]
 
     def distance(self, rows: Tensor) -> Tensor:
-        """Returns `relaxed_emd` of the cost plus the difference of the moments for rows [m, c]; differentiable by them.
+        """Returns the distance of rows [m, c] and the difference of the moments; differentiable by the rows.
 
-        The gradient needs only the pairs of partners, and not the whole matrix of costs: half the time.
+        It is a lower bound of the Earth Mover's Distance: each point moves to its cheapest partner, in both directions,
+        and the larger mean cost counts. The gradient needs only the pairs of partners, which halves the time.
         """
         wanted = self._rows.like(rows)
         seen = _unit(rows) if self._cosine else rows
@@ -77,8 +125,8 @@ class Cloud:
             partner, source = cost.argmin(1), cost.argmin(0)
         there = self._cost_of_pairs(seen, wanted.index_select(0, partner)).mean()
         back = self._cost_of_pairs(seen.index_select(0, source), wanted).mean()
-        moments = self._mean.like(rows), self._covariance.like(rows)
-        return torch.maximum(there, back) + _apart(_cloud_moments(rows), moments)
+        apart = ((a - b.like(rows)).abs().mean() for a, b in zip(_moments(rows), self._kept, strict=True))
+        return torch.maximum(there, back) + sum(apart, rows.new_zeros(()))
 
     def _cost_of_pairs(self, a: Tensor, b: Tensor) -> Tensor:
         return 1 - (a * b).sum(1) if self._cosine else ((a - b).square().sum(1) + _SMALL).sqrt()
@@ -113,7 +161,7 @@ def in_style_colors(goal: Goal) -> Goal:
             return term
         if id(picture) not in moved:
             share = min(1.0, sum(style.weight for style in styles) / term.weight)
-            carried = change_by_place(picture, styles, lambda style: _transfer_colors(picture, _moments(_lab(style))))
+            carried = change_by_place(picture, styles, lambda style: _transfer_colors(picture, _lab(style)))
             moved[id(picture)] = torch.lerp(picture, carried, share)
         return term.with_picture(moved[id(picture)])
 
@@ -122,23 +170,18 @@ def in_style_colors(goal: Goal) -> Goal:
     return Goal(terms, initial)
 
 
-def _moments(lab: Tensor) -> tuple[Tensor, Tensor]:
-    """Returns mean [3] and covariance [3, 3] of colours [n, 3] in Lab."""
-    mean = lab.mean(0)
-    return mean, (lab - mean).T @ (lab - mean) / len(lab) + _MIN * torch.eye(3).double()
-
-
-def _transfer_colors(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
-    """Returns the picture [3, H, W] with mean and covariance of its colours moved to `wanted`."""
+def _transfer_colors(picture: Tensor, wanted: Tensor) -> Tensor:
+    """Returns the picture [3, H, W] with mean and covariance of its colours moved to those of `wanted`, Lab [n, 3]."""
     seen = _lab(picture)
-    mean, spread = _moments(seen)
-    root = _root(spread)
+    (mean, spread), (aim, aimed) = _moments(seen), _moments(wanted)
+    least = _MIN * torch.eye(3).double()
+    root = _root(spread + least)
     back = torch.linalg.inv(root)
-    stretch, directions = torch.linalg.eigh(back @ _root(root @ wanted[1] @ root) @ back)
+    stretch, directions = torch.linalg.eigh(back @ _root(root @ (aimed + least) @ root) @ back)
     carry = directions @ torch.diag(stretch.clamp(*_CHANGE)) @ directions.T
-    carried = (to_lab(picture.flatten(1).T).double() - mean) @ carry.T + wanted[0]
+    carried = (to_lab(picture.flatten(1).T).double() - mean) @ carry.T + aim
     # A style may be nearly black: the lightness is then raised so that the content stays visible.
-    lightness = ((seen - mean) @ carry.T + wanted[0])[:, 0]
+    lightness = ((seen - mean) @ carry.T + aim)[:, 0]
     darkest, lightest = lightness.quantile(_RARE), lightness.quantile(1 - _RARE)
     carried[:, 0] += (-darkest).clamp(min=0) - (lightest - 100).clamp(min=0)
     return from_lab(carried.float()).T.reshape(picture.shape).to(picture)
@@ -146,7 +189,7 @@ def _transfer_colors(picture: Tensor, wanted: tuple[Tensor, Tensor]) -> Tensor:
 
 def _lab(picture: Tensor) -> Tensor:
     """Returns colours at some pixels of a picture [3, H, W] in Lab: [n, 3] float64."""
-    return to_lab(resize_to_pixels(picture, _SEEN).clamp(0, 1).flatten(1).T).double()
+    return to_lab(images.resize_to_pixels(picture, _SEEN).clamp(0, 1).flatten(1).T).double()
 
 
 def _root(matrix: Tensor) -> Tensor:
@@ -157,18 +200,13 @@ def _root(matrix: Tensor) -> Tensor:
 
 LAYERS = ("conv1_2", "conv2_2", "conv3_1", "conv3_3", "conv4_3")
 _PIXELS = 16_000  # pixels of the compared picture, about 112 x 143
-_FEWEST_PIXELS, _OF_GRID = 6_000, 0.4  # least number of them; share of the grid's pixels
+_FEWEST_PIXELS, _OF_GRID = 6_000, 0.4  # least number of them, for coarse plans; share of the grid's pixels
 _BALANCE = 0.04  # relative to the squared difference to a picture, if both weights are 1
 _SAMPLES = 1024  # places at which features are compared
 _FEWEST_COUNT = 0.05  # share of places that count
 _SIDE = 224  # pixels of a side of a CLIP's input
 # Rows of the matrix from sRGB to lightness and two colour differences, which vary independently.
 _DECORRELATE = ((0.577, 0.577, 0.577), (-0.577, 0.789, -0.211), (0.577, 0.211, -0.789))
-
-
-def pixels_of(grid: PixelGrid) -> int:
-    """Number of pixels of the pictures compared for a painting on a grid: plans that are coarse need fewer."""
-    return max(_FEWEST_PIXELS, min(_PIXELS, round(_OF_GRID * grid.rows * grid.columns)))
 
 
 class Style:
@@ -195,27 +233,20 @@ class Style:
     ) -> None:
         self._vgg, self._seer = vgg, seer
         self._seed, self._pixels, self._free = seed, pixels, free
-        larger = round(pixels * magnification(style) ** 2)
         self._decorrelate = Constant(torch.tensor(_DECORRELATE))
         with torch.no_grad():
-            self._clouds = [
-                Cloud(rows, cosine=number > 0) for number, rows in enumerate(self._see(style, larger, None))
-            ]
+            seen = self._see(style, round(pixels * magnification(style) ** 2), None)
+            self._clouds = [Cloud(rows, cosine=number > 0) for number, rows in enumerate(seen)]
 
     def __call__(self, picture: Tensor) -> Tensor:
-        """Returns the distance in style of a picture [3, H, W] in [0, 1]; near 0 for the style picture itself.
-
-        Differentiable.
-        """
-        colors, *layers = (
-            cloud.distance(rows)
-            for cloud, rows in zip(self._clouds, self._see(picture, self._pixels, self._free), strict=True)
-        )
+        """Returns the distance in style of a picture [3, H, W] in [0, 1]; differentiable."""
+        seen = self._see(picture, self._pixels, self._free)
+        colors, *layers = (cloud.distance(rows) for cloud, rows in zip(self._clouds, seen, strict=True))
         return _BALANCE * (colors + torch.stack(layers).mean())
 
     def _see(self, picture: Tensor, pixels: int, free: Tensor | None) -> list[Tensor]:
         """Returns colours, then the features of each layer, at sampled places: [n, c] each."""
-        small = resize_to_pixels(picture, pixels)
+        small = images.resize_to_pixels(picture, pixels)
         maps = [small, *self._vgg.features(small, LAYERS)]
         if self._seer is not None:
             view = functional.interpolate(picture[None], (_SIDE, _SIDE), mode="bilinear", antialias=True)
@@ -227,10 +258,7 @@ class Style:
 
 
 def _sample(features: Tensor, seed: int, free: Tensor | None) -> Tensor:
-    """Returns features [c, h, w] at up to 1024 places, [n, c]; the same places for each map of that shape.
-
-    free [h, w]: as for `Style`; if hardly a place counts, all do
-    """
+    """Returns features [c, h, w] at up to 1024 places, [n, c], the same in each map; if hardly one is not free, all."""
     rows = features.flatten(1).T
     places = torch.randperm(len(rows), generator=torch.Generator().manual_seed(seed))
     if free is not None:
