@@ -6,10 +6,11 @@ from frida_painter.palette import to_lab
 from frida_painter.planning.refine import (
     anneal_to_palette,
     discretize,
-    loss_without,
+    loss_of_paint,
     relocate,
     visible_area,
 )
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from support.planning import CANVAS, problem, some_strokes, target
@@ -27,6 +28,10 @@ def squared_error(strokes: Strokes) -> float:
         return float((TARGET - PROBLEM.render(strokes)).square().sum())
 
 
+def lost(strokes: Strokes, on: PlanningProblem, seed: int = 0) -> torch.Tensor:
+    return torch.stack(loss_of_paint(strokes, on, TARGET, chance(seed))).sum(0)
+
+
 def without(strokes: Strokes, index: int) -> Strokes:
     return strokes[[other for other in range(len(strokes)) if other != index]]
 
@@ -38,7 +43,7 @@ def test_the_loss_without_a_stroke_is_that_of_leaving_it_out() -> None:
         pictures = [PROBLEM.render(strokes), *(PROBLEM.render(without(strokes, index)) for index in range(16))]
     error = torch.stack([(TARGET - one).square().sum() for one in pictures])
     true, squared = error[1:] - error[0], torch.stack([(one - pictures[0]).square().sum() for one in pictures[1:]])
-    estimates = torch.stack([loss_without(strokes, PROBLEM, TARGET, chance(seed)) for seed in range(40)])
+    estimates = torch.stack([lost(strokes, PROBLEM, seed) for seed in range(40)])
     off = (estimates - true) / squared
     assert off.mean(0).abs().max() < 0.3 and off.mean().abs() < 0.05
     assert 0.35 < off.std() < 0.65
@@ -54,7 +59,7 @@ def test_the_loss_counts_by_how_much_each_place_matters() -> None:
     with torch.no_grad():
         pictures = [PROBLEM.render(strokes), *(PROBLEM.render(without(strokes, index)) for index in range(16))]
     error = torch.stack([(matters * (TARGET - one).square()).sum() for one in pictures])
-    estimates = torch.stack([loss_without(strokes, weighted, TARGET, chance(seed)) for seed in range(40)]).mean(0)
+    estimates = torch.stack([lost(strokes, weighted, seed) for seed in range(40)]).mean(0)
     true = error[1:] - error[0]
     assert torch.corrcoef(torch.stack((estimates, true)))[0, 1] > 0.97
     unseen = true.abs() < 1e-6
@@ -65,7 +70,7 @@ def test_a_stroke_that_cannot_be_seen_is_missed_by_nobody() -> None:
     strokes = some_strokes(4)
     twice = Strokes.join(strokes[:1].with_groups(thickness=torch.zeros(1)), strokes[:1], strokes[1:])
     covering = twice.with_groups(thickness=torch.tensor([0.0, 1.0, 0.5, 0.5, 0.5]))
-    loss = loss_without(covering, PROBLEM, TARGET, chance())
+    loss = lost(covering, PROBLEM)
     assert loss[0].abs() < 0.15 * loss[1].abs()
 
 
@@ -83,7 +88,7 @@ def test_visible_areas_are_those_in_which_a_colour_is_seen() -> None:
 
 def test_relocating_keeps_the_count_the_limits_and_the_order() -> None:
     for share in (0.0, 0.15, 0.5, 1.0):
-        found, _ = relocate(some_strokes(20), None, PROBLEM, TARGET, share=share, proposals=6, generator=chance())
+        found, _ = relocate(some_strokes(20), None, PROBLEM, TARGET, share, chance())
         assert len(found) == 20
         found.check(PROBLEM.limits, CANVAS)
         assert bool((to_lab(found.color)[:, 0].diff() <= 1e-4).all())
@@ -92,7 +97,7 @@ def test_relocating_keeps_the_count_the_limits_and_the_order() -> None:
 def test_relocating_makes_a_poor_plan_better_and_moves_no_more_than_its_share() -> None:
     for seed in range(3):
         strokes = some_strokes(20, seed)
-        found, _ = relocate(strokes, None, PROBLEM, TARGET, share=0.2, proposals=12, generator=chance(seed))
+        found, _ = relocate(strokes, None, PROBLEM, TARGET, 0.2, chance(seed))
         assert squared_error(found) < squared_error(strokes)
         lengths = set(found.length.tolist())
         assert sum(length in lengths for length in strokes.length.tolist()) >= 16
@@ -102,9 +107,7 @@ def test_relocated_strokes_take_paints_that_there_are() -> None:
     palette = torch.tensor([[0.9, 0.85, 0.8], [0.8, 0.2, 0.1], [0.1, 0.15, 0.3]])
     paint = torch.arange(18) // 6
     strokes = some_strokes(18).with_groups(color=palette[paint])
-    found, paints = relocate(
-        strokes, Paints(palette, paint), PROBLEM, TARGET, share=0.5, proposals=8, generator=chance()
-    )
+    found, paints = relocate(strokes, Paints(palette, paint), PROBLEM, TARGET, 0.5, chance())
     assert paints is not None and torch.equal(paints.color, palette)
     assert torch.equal(found.color, palette[paints.paint])
     assert not torch.equal(found.length.sort()[0], strokes.length.sort()[0])

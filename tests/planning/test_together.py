@@ -206,7 +206,7 @@ def test_what_networks_judge_is_grown_more_and_settled_in_fewer_rounds() -> None
     of_pictures = Effort().scale(0.5)
     of_words = of_pictures.for_network_objectives()
     assert (of_words.rounds, of_words.settling) == (3, of_pictures.refining)
-    assert of_words.growing_of(2).growth.settling > of_pictures.growing_of(2).growth.settling
+    assert of_words.growing_of(2).growing_together > of_pictures.growing_of(2).growing_together
     assert of_words.growing_of(1) == of_words and replace(of_pictures, rounds=1).for_network_objectives().rounds == 1
 
 

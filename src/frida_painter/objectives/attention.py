@@ -44,6 +44,8 @@ FACES, EVERYWHERE = "faces", "none"
 _ROWS = 112  # rows of the examined picture
 _FLAT_ROWS = 256  # rows of the simplified picture
 _ATTENTION_AROUND = 9  # pixels: window over which an edge counts
+_FLAT = 0.04, 24.0  # share of the shorter side, and 8-bit difference of colours, over which an area becomes even
+_DETAILED = 3.0  # importance of a place, relative to the least, from which it keeps its details
 _SIDE = 224  # pixels of a side of the network's input
 _EDGES, _THINGS = 1.0, 0.7  # relative to the base importance of each place
 _STRONGEST = 6.0  # largest importance, relative to the mean
@@ -72,10 +74,6 @@ def start_from_meaning(goal: Goal, encoders: EncoderRegistry) -> Goal:
     return replace(goal, initial=tuple(map(begin_with, begins)))
 
 
-_FLAT = 0.04, 24.0  # share of the shorter side, and 8-bit difference of colours, over which an area becomes even
-_DETAILED = 3.0  # importance of a place, relative to the least, from which it keeps its details
-
-
 def simplify(picture: Tensor, importance: Tensor) -> Tensor:
     """Returns a picture [3, H, W] with even areas where it matters little (mean shift; Comaniciu and Meer 2002).
 
@@ -98,23 +96,22 @@ def weight_by_focus(goal: Goal, focus: str, encoders: EncoderRegistry) -> Goal:
     """
     if focus == EVERYWHERE:
         return goal
-    terms = [_weight_term(term, encoders) for term in goal.terms]
-    return goal if all(map(operator.is_, terms, goal.terms)) else replace(goal, terms=tuple(terms))
 
+    def weigh(term: Term) -> Term:
+        if term.picture is None or term.importance is not None or not term.can_be_weighed:
+            return term
+        found = faces(term.picture)
+        if not found:
+            return term
+        told = "A face was found in the picture and matters" if len(found) == 1 else f"{len(found)} faces matter"
+        encoders.remark(f"{told} more than the rest; --focus {EVERYWHERE} changes that.")
+        return term.weigh(importance_of(found, *_choose_size(term.picture)))
 
-def _weight_term(term: Term, encoders: EncoderRegistry) -> Term:
-    if term.picture is None or term.importance is not None or not term.can_be_weighed:
-        return term
-    found = faces(term.picture)
-    if not found:
-        return term
-    told = "A face was found in the picture and matters" if len(found) == 1 else f"{len(found)} faces matter"
-    encoders.remark(f"{told} more than the rest; --focus {EVERYWHERE} changes that.")
-    return term.weigh(importance_of(found, *_choose_size(term.picture)))
+    terms = tuple(map(weigh, goal.terms))
+    return goal if all(map(operator.is_, terms, goal.terms)) else replace(goal, terms=terms)
 
 
 def _choose_size(picture: Tensor) -> tuple[int, int]:
-    """Returns rows and columns at which a picture [3, H, W] is examined."""
     _, rows, columns = picture.shape
     return _ROWS, max(16, round(_ROWS * columns / rows))
 
@@ -130,10 +127,8 @@ def importance(picture: Tensor, seer: Seer, hed: Hed | None) -> Tensor:
     total = torch.ones(shape).to(picture)
     if hed is not None:
         edges = hed.edges(small)[None, None]
-        edges = functional.avg_pool2d(edges, _ATTENTION_AROUND, 1, _ATTENTION_AROUND // 2, count_include_pad=False)[
-            0, 0
-        ]
-        total = total + _EDGES * edges / edges.mean().clamp(min=1e-6)
+        edges = functional.avg_pool2d(edges, _ATTENTION_AROUND, 1, _ATTENTION_AROUND // 2, count_include_pad=False)
+        total = total + _EDGES * edges[0, 0] / edges[0, 0].mean().clamp(min=1e-6)
     view = functional.interpolate(picture[None], (_SIDE, _SIDE), mode="bilinear", antialias=True)
     answer = seer.features(view)[-1].square().sum(1, keepdim=True).sqrt()
     answer = answer - answer.amin()

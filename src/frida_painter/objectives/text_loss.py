@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 
 import torch
 from torch import Tensor
@@ -75,7 +74,7 @@ class Text:
         self._generator = torch.Generator().manual_seed(seed)
         elsewhere = torch.rand(_VIEWS - _MIDDLE, generator=self._generator)
         self._places = [0.5] * _MIDDLE + elsewhere.tolist()  # of each view's square, from end to end
-        self._meaning = _Meaning(prompt, reader, settings)
+        self._meaning = _distance_from(prompt, reader, settings)
 
     def __call__(self, picture: Tensor) -> Tensor:
         """Returns the distance of a picture [3, H, W] in [0, 1] in a few random views; differentiable."""
@@ -86,13 +85,14 @@ class Text:
         side = self._reader.side
         noise = _NOISE * torch.randn((many, 3, side, side), generator=self._generator)
 
-        def views() -> Tensor:
+        def embed() -> Tensor:
             seen = self._look(picture, which)
             if blurs:
                 seen = functional.avg_pool2d(seen, 3, 1, 1, count_include_pad=False)
-            return seen + send_to_device(noise.to(seen.dtype), seen.device)
+            return self._reader.embed_pictures(seen + send_to_device(noise.to(seen.dtype), seen.device))
 
-        return _BALANCE * self._distance(picture, which, views, f"call {self._calls}")
+        look = (self._seed, f"call {self._calls}", *which.tolist())
+        return _BALANCE * self._meaning(self._sight.embed(picture, look, embed)).mean()
 
     def validation(self, picture: Tensor) -> Tensor:
         """Returns the distance in always the same few views of the middle.
@@ -101,39 +101,25 @@ class Text:
         another seed judges by views that this one never draws.
         """
         which = torch.arange(1, 1 + _STEADY)
-        return _BALANCE * self._distance(picture, which, partial(self._look, picture, which), "steady")
+        # With gradients, each look needs a graph of its own.
+        look = () if torch.is_grad_enabled() else (self._seed, "steady", *which.tolist())
+        seen = self._sight.embed(picture, look, lambda: self._reader.embed_pictures(self._look(picture, which)))
+        return _BALANCE * self._meaning(seen).mean()
 
     def _look(self, picture: Tensor, which: Tensor) -> Tensor:
         """Returns the views numbered `which` [n] of a picture [3, H, W]: [n, 3, side, side]."""
         return self._views.of_squares(picture, which, [self._places[int(view)] for view in which])
 
-    def _distance(self, picture: Tensor, which: Tensor, views: Callable[[], Tensor], how: str) -> Tensor:
-        """Returns the mean distance of a picture [3, H, W] in the views numbered `which` [n].
 
-        views: returns them: [n, 3, side, side]
-        how: name of all that the views depend on besides the picture, the seed and their numbers
-        """
-        again = how == "steady" and torch.is_grad_enabled()  # each look then needs a graph of its own
-        look = () if again else (self._seed, how, *which.tolist())
-        seen = self._sight.embed(picture, look, lambda: self._reader.embed_pictures(views()))
-        return self._meaning.of_embeddings(seen).mean()
-
-
-class _Meaning:
-    """Distance of embeddings from a prompt, away from words to avoid.
+def _distance_from(prompt: str, reader: Reader, settings: WordSettings) -> Callable[[Tensor], Tensor]:
+    """Returns a function from embeddings [n, d] to their distances [n] from a prompt, away from words to avoid.
 
     The mean of cosine distances is the distance from the mean: the network sees each picture once.
     """
-
-    def __init__(self, prompt: str, reader: Reader, settings: WordSettings) -> None:
-        wanted = reader.embed_text(prompt)
-        unwanted = reader.embed_text(settings.avoid) if settings.avoid else torch.zeros_like(wanted)
-        self._meaning = Constant(wanted - _AVOIDED * unwanted)
-        self._level = 1.0 - (_AVOIDED if settings.avoid else 0.0)
-
-    def of_embeddings(self, seen: Tensor) -> Tensor:
-        """Returns the distances [n] of embeddings [n, d]."""
-        return self._level - seen @ self._meaning.like(seen)
+    wanted = reader.embed_text(prompt)
+    unwanted = reader.embed_text(settings.avoid) if settings.avoid else torch.zeros_like(wanted)
+    meaning, level = Constant(wanted - _AVOIDED * unwanted), 1.0 - (_AVOIDED if settings.avoid else 0.0)
+    return lambda seen: level - seen @ meaning.like(seen)
 
 
 def holding_weight(text: Text, picture: Tensor) -> float:
@@ -152,8 +138,8 @@ def holding_weight(text: Text, picture: Tensor) -> float:
 
 def wish(prompt: str, reader: Reader, settings: WordSettings) -> Callable[[Tensor], Tensor]:
     """Returns a function from pictures [n, 3, h, w] to their distances [n] from a prompt, away from words to avoid."""
-    meaning = _Meaning(prompt, reader, settings)
-    return lambda pictures: meaning.of_embeddings(reader.embed_pictures(pictures))
+    distance = _distance_from(prompt, reader, settings)
+    return lambda pictures: distance(reader.embed_pictures(pictures))
 
 
 # First pictures of coarse colours: a pyramid of small pictures, coloured until a network sees the words in it

@@ -2,19 +2,20 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-
-from frida_painter.planning.initialize import Growth
-from frida_painter.planning.refine import binding_iterations
+from dataclasses import dataclass, replace
 
 _WHERE_A_LAYER_BEGINS = 3
+DRAWING = (0.7, 0.45, 0.2, 0.1)
+"""Share of the way from a stroke's colour to its paint that each round of drawing colours together leaves."""
 
 
 @dataclass(frozen=True)
 class Effort:
     """Numbers of iterations and rounds of each stage; docs/lab/planning.md has the measurements.
 
-    growth: growth of the start.
+    growing: rounds in which strokes are placed, each larger than the one before.
+    growing_together: joint steps after each of these rounds.
+    proposals: proposals weighed for each placed stroke.
     relocations: rounds in which weak strokes move.
     refining: joint steps after each of these rounds.
     drawing: steps after each round that draws colours towards the paints.
@@ -27,7 +28,9 @@ class Effort:
     replanning: last steps of a replan, at full resolution.
     """
 
-    growth: Growth = field(default_factory=Growth)
+    growing: int = 8
+    growing_together: int = 25
+    proposals: int = 12
     relocations: int = 3
     refining: int = 25
     drawing: int = 20
@@ -40,10 +43,8 @@ class Effort:
 
     def scale(self, factor: float) -> "Effort":
         """Returns this effort with `factor` times as many iterations."""
-        growth = Growth(self.growth.rounds, math.ceil(self.growth.settling * factor), self.growth.proposals)
-        names = "refining", "drawing", "binding", "settling", "polishing", "replanning"
-        counts = {name: math.ceil(getattr(self, name) * factor) for name in names}
-        return replace(self, growth=growth, **counts)
+        names = "growing_together", "refining", "drawing", "binding", "settling", "polishing", "replanning"
+        return replace(self, **{name: math.ceil(getattr(self, name) * factor) for name in names})
 
     def for_network_objectives(self) -> "Effort":
         """Returns the effort for goals that networks judge: more iterations for growth, fewer rounds of settling."""
@@ -52,10 +53,6 @@ class Effort:
     def growing_of(self, layers: int) -> "Effort":
         """Returns the effort for growing each of several layers: less if they are settled together afterwards."""
         return self if layers == 1 else self.scale(self.before_settling)
-
-    def growing(self, strokes: int) -> int:
-        """Number of iterations that grow this number of strokes."""
-        return min(self.growth.rounds, strokes) * self.growth.settling
 
     def rounds_of(self, layers: int) -> int:
         """Number of rounds that settle this number of layers together; 0 for one layer."""
@@ -67,10 +64,12 @@ class Effort:
         new_paints: True if later layers have palettes of their own.
         """
         effort = self.growing_of(len(sizes))
-        mixing = binding_iterations(effort.drawing, effort.binding)
+        free = [min(effort.growing, size) * effort.growing_together for size in sizes]
+        free += [effort.relocations * effort.refining] * len(sizes)
+        mixing = len(DRAWING) * effort.drawing + effort.binding
         later = mixing if new_paints else effort.binding
         settled = self.rounds_of(len(sizes)) * self.settling + self.polishing
-        return sum(map(effort.free_iterations, sizes)) + mixing + later * (len(sizes) - 1) + settled
+        return sum(free) + mixing + later * (len(sizes) - 1) + settled
 
     def rounds_of_a_look(self, asked: int, *, fresh: bool) -> int:
         """Number of rounds of a replan.
@@ -79,12 +78,3 @@ class Effort:
         fresh: True if a layer begins; it gets at least 3 rounds, or `rounds` if that is fewer.
         """
         return max(asked, min(_WHERE_A_LAYER_BEGINS, self.rounds)) if fresh else asked
-
-    @property
-    def of_a_look(self) -> int:
-        """Default number of iterations for a replan."""
-        return self.settling + self.replanning
-
-    def free_iterations(self, strokes: int) -> int:
-        """Number of iterations that place this number of strokes, in colours of their own."""
-        return self.growing(strokes) + self.relocations * self.refining

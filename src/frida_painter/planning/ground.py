@@ -13,7 +13,6 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import to_lab
 from frida_painter.plan import WHITE
-from frida_painter.planning.layers import unheard
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 
@@ -27,12 +26,12 @@ _OTHER = 25.0  # CIELAB distance above which two colours count as equally differ
 
 
 def proposed_ground(
-    planner: Planner, strokes: int, colors: int, notify: Callable[[Step], None] = unheard
+    planner: Planner, strokes: int, colors: int, notify: Callable[[Step], None] | None = None
 ) -> tuple[float, float, float]:
     """Returns the best ground for a plan with these numbers of strokes and paints, in sRGB.
 
-    The function makes a quick plan on each of a few colours and takes the colour with the least expected loss. It
-    returns white if no colour is clearly better than white.
+    A quick plan is made on each of a few colours, with the first two brushes, in a seventh of the time. The colour
+    with the least expected loss is taken, or white if none is clearly better.
     notify: called after every step.
     Raises ConfigError if the goal has no picture to take colours from, or if the strokes are too few for the
     layers.
@@ -44,15 +43,26 @@ def proposed_ground(
             "#c8a878."
         )
     planner.layer_sizes(strokes)  # raises before the trials start
-    picture = term.guide
-    trial = _quick(planner, ImageTerm(picture, importance=term.importance))
+    settings = replace(
+        planner.settings,
+        model=[planner.models[kind] for kind in planner.kinds[:2]],
+        rows=min(_TRIAL_ROWS, planner.settings.rows),
+        effort=planner.effort.scale(_TRYING),
+        layers=None,
+        shares=None,
+        focus=EVERYWHERE,  # the term already has its importance map and its sharpness
+        sharpness=0.0,
+        ground=WHITE,
+    )
+    goal = Goal((ImageTerm(term.guide, importance=term.importance),))
+    trial = Planner(goal, settings, encoders=planner.encoders, device=planner.device)
     few = max(strokes // 2, min(strokes, _FEWEST))
 
     def expected_loss(ground: tuple[float, float, float]) -> float:
         on_it = trial.on_ground(ground)
         return on_it.expected_loss(on_it.plan(None, few, min(colors, few), notify), on_it.bare)
 
-    losses = {ground: expected_loss(ground) for ground in possible_grounds(_in_paint(picture, planner))}
+    losses = {ground: expected_loss(ground) for ground in possible_grounds(_in_paint(term.guide, planner))}
     best = min(losses, key=lambda ground: losses[ground])
     return best if losses[best] < _CLEARLY * losses[WHITE] else WHITE
 
@@ -73,22 +83,6 @@ def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
         red, green, blue = (dark.mean(1) * 255).round().div(255).tolist()
         found.append((red, green, blue))
     return found
-
-
-def _quick(planner: Planner, term: ImageTerm) -> Planner:
-    """Returns a planner with the first two brushes that makes a rough plan of a picture in a seventh of the time."""
-    settings = replace(
-        planner.settings,
-        model=[planner.models[kind] for kind in planner.kinds[:2]],
-        rows=min(_TRIAL_ROWS, planner.settings.rows),
-        effort=planner.effort.scale(_TRYING),
-        layers=None,
-        shares=None,
-        focus=EVERYWHERE,  # the term already has its importance map and its sharpness
-        sharpness=0.0,
-        ground=WHITE,
-    )
-    return Planner(Goal((term,)), settings, encoders=planner.encoders, device=planner.device)
 
 
 def _in_paint(picture: Tensor, planner: Planner) -> Tensor:

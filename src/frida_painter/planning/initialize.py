@@ -12,6 +12,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.palette import to_lab
 from frida_painter.planning.brushwork import along_brushwork
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
@@ -51,7 +52,8 @@ class Layers:
 def layers(strokes: Strokes, problem: PlanningProblem) -> Layers:
     """Returns the layers of strokes in painting order, from light to dark."""
     magnitude, affine = problem.marks(strokes)
-    ends = _ends(strokes)
+    count = min(_PLACES, len(strokes))
+    ends = [slice(len(strokes) * i // count, len(strokes) * (i + 1) // count) for i in range(count)]
     below, picture = [problem.canvas], problem.canvas  # the canvas itself is a place too: below all strokes
     for part in ends:
         picture = composite(magnitude[part], affine[part], strokes.color[part], picture)
@@ -65,17 +67,8 @@ def layers(strokes: Strokes, problem: PlanningProblem) -> Layers:
     return Layers(lightness, torch.stack(below), torch.stack(open_above[::-1]), picture)
 
 
-def _ends(strokes: Strokes) -> list[slice]:
-    """Splits the strokes into at most 12 slices, between which a new stroke may go."""
-    count = min(_PLACES, len(strokes))
-    return [slice(len(strokes) * i // count, len(strokes) * (i + 1) // count) for i in range(count)]
-
-
 def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, generator: torch.Generator) -> Strokes:
-    """Returns `count` strokes of random shape, on the device of the error.
-
-    Large errors [H, W] attract their middles.
-    """
+    """Returns `count` strokes of random shape, on the error's device; large errors [H, W] attract their middles."""
     _, columns = error.shape
     wanted, error = error, error.cpu()  # same random choices on every device
     chosen = torch.multinomial(error.flatten() + 1e-12, count, replacement=True, generator=generator)
@@ -100,7 +93,6 @@ def propose(error: Tensor, count: int, limits: StrokeLimits, size: CanvasSize, g
 
 
 def _with_codes(strokes: Strokes, family: StrokeFamily, generator: torch.Generator) -> Strokes:
-    """Returns the strokes as strokes of a family, with random codes."""
     code = CODE_REACH * (2 * torch.rand(len(strokes), family.codes, generator=generator) - 1)
     return replace(strokes, bend=torch.zeros_like(strokes.bend), taught=Taught.of(family, code.to(strokes.angle)))
 
@@ -135,7 +127,8 @@ def weigh(
         gain[mine] = (matters[mine] * (2 * residual[mine] * change - change.square())).sum((1, 2))
     growth = growth_of(problem.model, proposals.length)
     gain = gain if growth is None else gain * growth.square()
-    return gain * _pixels_per_cell(problem), proposals.with_groups(color=color), paint
+    pitch, cell = PixelGrid(problem.size, *target.shape[1:]).pitch, problem.model.frame.resize(*_CELLS).pitch
+    return gain * (cell[0] * cell[1] / (pitch[0] * pitch[1])), proposals.with_groups(color=color), paint
 
 
 def pick(strokes: Strokes, gain: Tensor, count: int, model: StrokeModel) -> Tensor:
@@ -179,12 +172,6 @@ def _sample(picture: Tensor, place: Tensor) -> Tensor:
     return found[0].transpose(0, 1)
 
 
-def _pixels_per_cell(problem: PlanningProblem) -> float:
-    grid = PixelGrid(problem.size, *problem.canvas.shape[1:])
-    cell, pixel = problem.model.frame.resize(*_CELLS).pitch, grid.pitch
-    return cell[0] * cell[1] / (pixel[0] * pixel[1])
-
-
 _COARSENESS = 3  # pixels of the planning image to a pixel of the descended picture
 _DESCENDING, _DESCENT = 60, 0.05  # steps, and their size in sRGB
 
@@ -209,26 +196,11 @@ def uniform(count: int, limits: StrokeLimits, size: CanvasSize, generator: torch
     return strokes.project(limits, size)
 
 
-@dataclass(frozen=True)
-class Growth:
-    """Growth of a plan in rounds of increasing size.
-
-    rounds: number of rounds.
-    settling: joint optimisation steps after each round.
-    proposals: proposals weighed for each placed stroke.
-    """
-
-    rounds: int = 8
-    settling: int = 25
-    proposals: int = 12
-
-
 def progressive(
     count: int,
     problem: PlanningProblem,
     target: Tensor,
-    *,
-    growth: Growth,
+    effort: Effort,
     generator: torch.Generator,
     notify: Callable[[Step], None] = lambda step: None,
 ) -> Strokes:
@@ -238,31 +210,18 @@ def progressive(
     Gradient descent on the scene's objective then settles all strokes together.
     """
     strokes = Strokes.empty(device=problem.canvas.device)
-    quotas = round_sizes(count, growth.rounds)
+    quotas = round_sizes(count, effort.growing)
     for number, quota in enumerate(quotas):
-        strokes = place(strokes, quota, problem, target, growth.proposals, generator)
+        while quota > 0:
+            found = best_proposals(strokes, None, quota, problem, target, effort.proposals, generator)
+            strokes, _ = insert(strokes, None, found)
+            quota -= len(found.strokes)
 
         def tell(step: Step, done: int = number) -> None:
-            before = done * growth.settling
-            notify(replace(step, iteration=before + step.iteration, of=len(quotas) * growth.settling))
+            before, steps = done * effort.growing_together, len(quotas) * effort.growing_together
+            notify(replace(step, iteration=before + step.iteration, of=steps))
 
-        strokes, _ = optimize(strokes, problem, iterations=growth.settling, notify=tell)
-    return strokes
-
-
-def place(
-    strokes: Strokes,
-    count: int,
-    problem: PlanningProblem,
-    target: Tensor,
-    proposals: int,
-    generator: torch.Generator,
-) -> Strokes:
-    """Adds `count` strokes at the places of the largest gain; the strokes are in painting order."""
-    while count > 0:
-        found = best_proposals(strokes, None, count, problem, target, proposals, generator=generator)
-        strokes, _ = insert(strokes, None, found)
-        count -= len(found.strokes)
+        strokes, _ = optimize(strokes, problem, iterations=effort.growing_together, notify=tell)
     return strokes
 
 
@@ -315,7 +274,6 @@ def best_proposals(
     problem: PlanningProblem,
     target: Tensor,
     proposals: int,
-    *,
     generator: torch.Generator,
 ) -> Found:
     """Returns 1 to `count` strokes of the largest gain that keep clear of each other.
@@ -326,9 +284,10 @@ def best_proposals(
     error = (target - under.picture).square().sum(0)
     if problem.importance is not None:
         error = error * problem.importance
-    error = _blur(error)
-    many = max(64, proposals * count)
-    candidates = propose(error, many, problem.limits, problem.size, generator)
+    # The error is averaged over a neighbourhood of about a twentieth of the height.
+    width = 2 * (error.shape[0] // 40) + 1
+    error = functional.avg_pool2d(error[None, None], width, 1, width // 2, count_include_pad=False)[0, 0]
+    candidates = propose(error, max(64, proposals * count), problem.limits, problem.size, generator)
     if problem.brushwork is not None:
         candidates = along_brushwork(candidates, problem.brushwork.to(error), problem.model, problem.size, generator)
     gain, candidates, paint = weigh(candidates, under, target, paints, problem)
@@ -355,9 +314,3 @@ def round_sizes(count: int, rounds: int) -> list[int]:
     share = torch.arange(1, rounds + 1, dtype=torch.float64).cumsum(0)
     ends = (share / share[-1] * (count - rounds)).round().long() + torch.arange(1, rounds + 1)
     return torch.diff(ends, prepend=ends.new_zeros(1)).tolist()
-
-
-def _blur(error: Tensor) -> Tensor:
-    """Averages the error [H, W] over a neighbourhood of about a twentieth of the height."""
-    width = 2 * (error.shape[0] // 40) + 1
-    return functional.avg_pool2d(error[None, None], width, 1, width // 2, count_include_pad=False)[0, 0]

@@ -18,20 +18,16 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import optimize_target, progressive
 from frida_painter.planning.optimize import PictureChange, Step, StrokesInScene, optimize, optimize_together
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
-from frida_painter.planning.refine import HARDLY_APART, MOVED, PROPOSALS, relocate, without_twins
+from frida_painter.planning.refine import HARDLY_APART, MOVED, relocate, without_twins
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
-# Reports of planning steps: one count through all optimisations that make a plan.
-
 
 class StepCount:
-    """Adds up the iterations of several optimisations into one count."""
+    """Count of iterations through all optimisations that make a plan."""
 
     def __init__(self, notify: Callable[[Step], None], total: int) -> None:
-        self._notify = notify
-        self._total = total
-        self._done = 0
+        self._notify, self._total, self._done = notify, total, 0
 
     def begin(self, iterations: int, below: Sequence[tuple[str, Strokes]] = ()) -> Callable[[Step], None]:
         """Returns the callback for the next `iterations` steps.
@@ -48,16 +44,9 @@ class StepCount:
         return tell
 
 
-def unheard(step: Step) -> None:
-    """Ignores the step."""
-
-
 def at_the_end(notify: Callable[[Step], None]) -> Callable[[Step], None]:
     """Returns the callback for a second try, which reports each step as the last one of the total."""
     return lambda step: notify(replace(step, iteration=step.of))
-
-
-# Strokes in colours of their own: grown at the places that need them, then moved to places of a larger gain.
 
 
 def free_strokes(
@@ -70,25 +59,20 @@ def free_strokes(
 ) -> Strokes:
     """Plans `count` strokes in colours of their own, from light to dark.
 
+    They grow at the places that need them, and then move to places of a larger gain.
     guide [3, H, W]: picture that shows where strokes are needed. None: strokes grow towards a picture from the
     objective, and do not move far afterwards. That picture is only one of many good ones, so strokes must not be
     pulled back to it.
     begin: returns the callback that reports the next iterations.
     """
-    notify = begin(effort.growing(count))
-    found = progressive(
-        count,
-        problem,
-        optimize_target(problem) if guide is None else guide,
-        growth=effort.growth,
-        generator=generator,
-        notify=notify,
-    )
+    notify = begin(min(effort.growing, count) * effort.growing_together)
+    target = optimize_target(problem) if guide is None else guide
+    found = progressive(count, problem, target, effort, generator, notify)
     found = found.to(problem.canvas.device).project(problem.limits, problem.size)
     found = found[torch.argsort(to_lab(found.color)[:, 0], descending=True, stable=True)]
     for _ in range(effort.relocations):
         if guide is not None:
-            found, _ = relocate(found, None, problem, guide, share=MOVED, proposals=PROPOSALS, generator=generator)
+            found, _ = relocate(found, None, problem, guide, MOVED, generator)
         found, _ = optimize(found, problem, iterations=effort.refining, notify=begin(effort.refining))
     return found
 
@@ -179,16 +163,11 @@ def _descend(
     change: PictureChange | None = None,
 ) -> list[LayerAtWork]:
     """Returns the layers after gradient descent on their joint cost."""
-    found = optimize_together(
-        [
-            StrokesInScene(layer.strokes, problems.of(canvas, grid, layer.kind), layer.paints, layer.mixes)
-            for layer in layers
-        ],
-        iterations=iterations,
-        pace=pace,
-        notify=begin(iterations),
-        change=change,
-    )
+    parts = [
+        StrokesInScene(layer.strokes, problems.of(canvas, grid, layer.kind), layer.paints, layer.mixes)
+        for layer in layers
+    ]
+    found = optimize_together(parts, iterations=iterations, pace=pace, notify=begin(iterations), change=change)
     return [layer.after(part) for layer, part in zip(layers, found, strict=True)]
 
 
@@ -209,9 +188,7 @@ def _relocate_strokes(
             return found
         above = [(later.strokes, problems.of(canvas, grid, later.kind)) for later in found[number + 1 :]]
         seen, wanted = beneath(above, layer.strokes, problem, guide) if above else (problem, guide)
-        strokes, paints = relocate(
-            layer.strokes, layer.paints, seen, wanted, share=share, proposals=PROPOSALS, generator=generator
-        )
+        strokes, paints = relocate(layer.strokes, layer.paints, seen, wanted, share, generator)
         assert paints is not None
         found[number] = replace(layer, strokes=strokes, paints=paints)
         below = problem.render(found[number].strokes).detach()

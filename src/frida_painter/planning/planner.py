@@ -35,7 +35,6 @@ from frida_painter.planning.layers import (
     find_later_mixing,
     free_strokes,
     optimize_layers,
-    unheard,
 )
 from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
 from frida_painter.planning.optimize import PictureChange, Step, optimize, shift_objective, stacked_cost, stacked_loss
@@ -69,6 +68,7 @@ class Planner:
 
     encoders: networks that judge the goal. None: the fetched ones.
     device: device for planning. Arguments and results are on the CPU.
+    In its methods `canvas` is a picture [3, H, W] of the canvas, and `notify` is called after every step.
     Raises WeightsError if a network for the goal is missing, ConfigError if the numbers of layers, models and
     shares differ.
 
@@ -102,9 +102,8 @@ class Planner:
         spent = settings.effort if isinstance(settings.effort, Effort) else Effort().scale(settings.effort)
         spent = spent if all(term.is_pixelwise for term in goal.terms) else spent.for_network_objectives()
         ground, darkest = as_color(settings.ground), None if settings.darkest is None else as_color(settings.darkest)
-        self.paints: Final = (
-            PaintSet.of(settings.paints, darkest) if isinstance(settings.paints, str) else settings.paints
-        )
+        paints = settings.paints
+        self.paints: Final = PaintSet.of(paints, darkest) if isinstance(paints, str) else paints
         self.settings: Final = replace(
             settings, size=size, model=models, effort=spent, layers=layers, ground=ground, darkest=darkest
         )
@@ -116,17 +115,14 @@ class Planner:
         self.device: Final = device or torch.device("cpu")
         seen = weight_by_focus(goal, settings.focus, self.encoders)
         self.goal: Final = interpret_goal(seen, self.fine, self.encoders, settings.seed, settings.sharpness)
-        near, grids = self.goal.to(self.device), (self.fine, self.coarse)
+        near, begins = self.goal.to(self.device), self.goal.initial_terms is not self.goal.terms
         prepared = partial(prepare, encoders=self.encoders, seed=settings.seed, shared={})
-        initial = (
-            prepared(Goal(near.initial_terms), self.coarse) if self.goal.initial_terms is not self.goal.terms else None
-        )
         self.problems = PlanningProblems(
-            size=size,
+            initial_objective=prepared(Goal(near.initial_terms), self.coarse) if begins else None,
+            objectives={grid: prepared(near, grid) for grid in (self.fine, self.coarse)},
             models={name: on_device(one, self.device) for name, one in self.models.items()},
             goal=self.goal,
-            objectives={grid: prepared(near, grid) for grid in grids},
-            initial_objective=initial,
+            size=size,
             device=self.device,
             region=settings.region,
             darkest=darkest,
@@ -182,12 +178,11 @@ class Planner:
     ) -> Plan:
         """Plans strokes for a canvas, by the planner of the settings.
 
-        canvas [3, H, W]: picture of the canvas. None: a bare canvas. A photograph of a bare canvas counts as
-        exactly bare; otherwise its noise would change the plan.
+        canvas: None: a bare canvas. A photograph of a bare canvas counts as exactly bare; otherwise its noise would
+        change the plan.
         strokes: number of strokes. None: that of the settings.
         colors: largest number of paints of a palette. None: that of the settings, or the number of strokes if that
         is smaller.
-        notify: called after every step.
 
         The plan has fewer paints if more would hardly be told apart.
         Raises ConfigError if strokes or colors is below 1, if a layer would get no stroke, or if the plan would
@@ -200,12 +195,16 @@ class Planner:
         canvas = self.bare if canvas is None else as_picture(canvas)
         if is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns), self.ground):
             canvas = self.bare
-        kind = find_planner(self.settings.planner)
-        made = kind.make(PlanningTask(self, canvas, strokes, colors, notify or unheard))
-        return replace(made, about=(*self._made_with(), *made.about))
+        made = find_planner(self.settings.planner).make(PlanningTask(self, canvas, strokes, colors, _heard(notify)))
+        # A plan only names its brushes, so their weights are told.
+        facts = [("made with", identify(describe_here(self.device.type)))]
+        for kind in self.models:
+            with suppress(FridaError):  # a model of somebody's own
+                hashes = " ".join(hash_code(file) for file in weights_of(kind))
+                facts += [(f"weights of {kind}", hashes)] if hashes else []
+        return replace(made, about=(*facts, *made.about))
 
     def _plan_in_layers(self, task: "PlanningTask") -> Plan:
-        """Returns the plan of the project's own planner."""
         canvas, strokes, colors, notify = task.canvas, task.strokes, task.colors, task.notify
         sizes = self.layer_sizes(strokes)
         palettes = len(sizes) if self.settings.new_paints else 1
@@ -222,29 +221,18 @@ class Planner:
         for count, brush in zip(sizes, self.layer_kinds(strokes), strict=True):
             wells = layers[0].paints if layers and not self.settings.new_paints else min(colors, count)
             if layers:
-                below = self._lay(layers[-1], below)
+                with torch.no_grad():
+                    below = self.problems.of(below, self.fine, layers[-1].kind).render(layers[-1].strokes).cpu()
             layers.append(self._grow(count, brush, below, wells, effort, generator, steps, layers))
         if len(layers) > 1 and not self.settings.new_paints:
             layers = [replace(layer, mixes=False) for layer in layers]
-        rounds = self.effort.rounds_of(len(layers))
-        parts = self._settle(
-            layers, canvas, steps.begin, rounds, self.effort.polishing, pace=_POLISHING_PACE, generator=generator
-        )
+        rounds, last = self.effort.rounds_of(len(layers)), self.effort.polishing
+        parts = self._settle(layers, canvas, steps.begin, rounds, last, pace=_POLISHING_PACE, generator=generator)
         mixes = [self.settings.new_paints or number == 0 for number in range(len(parts))]
-        numbers = list(range(1, len(parts) + 1))
-        (first, *later), told = self._make_mixable(parts, numbers, mixes, canvas, notify)
+        (first, *later), told = self._make_mixable(parts, range(1, len(parts) + 1), mixes, canvas, notify)
         for part in later:
             first = first.under(part)
         return replace(first, about=told) if told else first
-
-    def _made_with(self) -> list[tuple[str, str]]:
-        """Returns facts about a plan: the program, and the weights of each brush, because a plan only names it."""
-        facts = [("made with", identify(describe_here(self.device.type)))]
-        for kind in self.models:
-            with suppress(FridaError):  # a model of somebody's own
-                hashes = " ".join(hash_code(file) for file in weights_of(kind))
-                facts += [(f"weights of {kind}", hashes)] if hashes else []
-        return facts
 
     def _make_mixable(
         self,
@@ -280,17 +268,21 @@ class Planner:
             return list(parts), ()
         layers = []
         for part in parts:
-            strokes, paints = part.strokes, Paints(part.palette.color, part.paint)
+            layer = self._layer_of(part)
             made = found.get(tuple(part.palette.color.flatten().tolist()))
             if made is not None and made.changes:
-                colored = Paints(made.color, made.number[part.paint])
-                strokes, palette, paint = as_palette(strokes, colored)
-                paints = Paints(palette.color, paint)
-            near = Paints(paints.color.to(self.device), paints.paint.to(self.device))
-            layers.append(LayerAtWork(part.layers[0].kind, strokes.to(self.device), near, mixes=False))
-        begin = StepCount(at_the_end(notify), self.effort.replanning).begin
+                strokes, palette, paint = as_palette(part.strokes, Paints(made.color, made.number[part.paint]))
+                paints = Paints(palette.color.to(self.device), paint.to(self.device))
+                layer = replace(layer, strokes=strokes.to(self.device), paints=paints)
+            layers.append(layer)
         last, pace = self.effort.replanning, _POLISHING_PACE
+        begin = StepCount(at_the_end(notify), last).begin
         return self._settle(layers, canvas, begin, 0, last, pace=pace, change=change), tuple(told)
+
+    def _layer_of(self, part: Plan, first: int = 0, *, mixes: bool = False) -> LayerAtWork:
+        """Returns the layer of a plan of one layer, on the device; `first` is the first paint for other places."""
+        paints = Paints(part.palette.color.to(self.device), part.paint.to(self.device), first)
+        return LayerAtWork(part.layers[0].kind, part.strokes.to(self.device), paints, mixes)
 
     def _grow(
         self,
@@ -303,27 +295,19 @@ class Planner:
         steps: StepCount,
         below: Sequence[LayerAtWork],
     ) -> LayerAtWork:
-        """Returns a layer of `count` strokes, grown for a canvas picture [3, H, W] as if it were the last layer.
-
-        wells: existing paints, or the number of paints to mix for the layer.
-        """
+        """Returns a layer of `count` strokes, grown as if it were the last one, in `wells` or so many new paints."""
         begin = partial(steps.begin, below=[(layer.kind, layer.strokes) for layer in below])
         problem = self.problems.initial(canvas, self.coarse, brush)
         found = free_strokes(count, problem, self.problems.guide(problem), effort, generator, begin)
         wanted = self.problems.of(canvas, self.coarse, brush)
         if isinstance(wells, int):
-            times = {"drawing": effort.drawing, "binding": effort.binding}
-            found, mixed = bind_to_palette(found, wanted, wells, **times, seed=self.seed, begin=begin)
+            found, mixed = bind_to_palette(found, wanted, wells, effort, self.seed, begin)
             return LayerAtWork(brush, found, mixed, mixes=True).with_paints_in_order()
         paint = Palette(wells.color).nearest(found.color)
-        order = torch.argsort(paint, stable=True)
+        order, count = torch.argsort(paint, stable=True), effort.binding
+        existing, notify = Paints(wells.color, paint[order]), begin(count)
         found, paints = optimize(
-            found[order],
-            wanted,
-            iterations=effort.binding,
-            paints=Paints(wells.color, paint[order]),
-            vary_colors=False,
-            notify=begin(effort.binding),
+            found[order], wanted, iterations=count, paints=existing, vary_colors=False, notify=notify
         )
         assert paints is not None
         return LayerAtWork(brush, found, paints, mixes=False)
@@ -341,29 +325,22 @@ class Planner:
         generator: torch.Generator | None = None,
         change: PictureChange | None = None,
     ) -> list[Plan]:
-        """Settles layers together on a canvas picture [3, H, W] and returns their plans."""
+        """Settles layers together and returns their plans."""
         # For other goals than pictures and their meaning, the guide only served to start the plan.
         guided = self.goal.initial_terms is self.goal.terms or self.goal.initial_terms[0].importance is not None
+        coarse, fine = (self.coarse, rounds, self.effort.settling), (self.fine, polishing)
+        moving = generator if guided else None
         found = optimize_layers(
-            layers,
-            canvas,
-            self.problems,
-            (self.coarse, rounds, self.effort.settling),
-            (self.fine, polishing),
-            begin,
-            pace=pace,
-            share=share,
-            generator=generator if guided else None,
-            change=change,
+            layers, canvas, self.problems, coarse, fine, begin, pace=pace, share=share, generator=moving, change=change
         )
         return [self._as_plan(layer) for layer in found]
 
     def fading(self, plan: Plan, canvas: AnyPicture) -> Fading:
-        """Returns the cost of strokes of the plan that lack paint, on a picture [3, H, W] of the canvas."""
+        """Returns the cost of strokes of the plan that lack paint."""
         return fading_of(plan, as_picture(canvas), self.problems, self.coarse, self.seed)
 
     def without_weakest(self, plan: Plan, canvas: AnyPicture, count: int) -> Plan:
-        """Returns the plan without the `count` strokes that matter least, on a picture [3, H, W] of the canvas."""
+        """Returns the plan without the `count` strokes that matter least."""
         kept = torch.argsort(self.fading(plan, canvas).without_paint, descending=True)[: len(plan) - count]
         return plan.part(kept.sort().values.tolist())
 
@@ -374,22 +351,20 @@ class Planner:
 
         palette: mixed paints for the layer of the next stroke, in the order of the wells. Later layers without new
         paints use them too.
-        canvas [3, H, W]: picture of the canvas.
         Each stroke of these layers gets the nearest paint. Each of these layers is then polished on the expected
         canvas below it.
         """
         parts = plan.filled_layers()
         if not parts:
             return plan
-        steps = StepCount(notify or unheard, self.effort.polishing * len(parts))
+        steps = StepCount(_heard(notify), self.effort.polishing * len(parts))
         wells = parts[0].palette
         done: list[Plan] = []
         below = as_picture(canvas)
         for part in parts:
             if torch.equal(part.palette.color, wells.color):
                 paint = palette.nearest(part.strokes.color).to(self.device)
-                paints = Paints(palette.color.to(self.device), paint)
-                layer = LayerAtWork(part.layers[0].kind, part.strokes.to(self.device), paints, mixes=False)
+                layer = replace(self._layer_of(part), paints=Paints(palette.color.to(self.device), paint))
                 begin = partial(steps.begin, below=[(plan.layers[0].kind, plan.strokes) for plan in done])
                 (part,) = self._settle([layer], below, begin, 0, self.effort.polishing, pace=_POLISHING_PACE)
             done.append(part)
@@ -406,7 +381,7 @@ class Planner:
         fresh: bool = False,
         wetness: Wetness | None = None,
     ) -> Plan:
-        """Replans the strokes of `rest` on a photograph [3, H, W] of the canvas; their brushes stay the same.
+        """Replans the strokes of `rest` on a photograph of the canvas; their brushes stay the same.
 
         The paints of the next stroke's layer stay, unless that layer begins now with new paints. The paints of
         later layers may change.
@@ -422,11 +397,10 @@ class Planner:
         if len(rest) == 0:
             return rest
         wetness = None if self.region is not None else wetness
-        task = PlanningTask(self, canvas, len(rest), self.settings.colors, notify or unheard, rounds, fresh, wetness)
+        task = PlanningTask(self, canvas, len(rest), self.settings.colors, _heard(notify), rounds, fresh, wetness)
         return self._clear(find_planner(self.settings.planner).make_rest(task, rest))
 
     def _replan_in_layers(self, task: "PlanningTask", rest: Plan) -> Plan:
-        """Returns the rest, planned again by the project's own planner."""
         with FailureTolerance():
             return self._replan_better(task, rest, moves=(True, False))
         with FailureTolerance():
@@ -434,10 +408,7 @@ class Planner:
         return rest
 
     def _replan_better(self, task: "PlanningTask", rest: Plan, moves: Sequence[bool]) -> Plan:
-        """Returns the first of the new plans that is better than the rest, with strokes that move far or not; else it.
-
-        Raises PlanningDiverged, and MemoryError or RuntimeError at a lack of memory.
-        """
+        """Returns the first new plan that is better than the rest, by strokes that may move far or not; else the rest."""
         cost = self.cost(rest, task.canvas, task.wetness)
         for moving in moves:
             told = task.notify if moving else at_the_end(task.notify)
@@ -447,7 +418,6 @@ class Planner:
         return rest
 
     def _again(self, rest: Plan, task: "PlanningTask", *, moving: bool) -> Plan:
-        """Returns all layers of the rest, settled once more."""
         canvas, notify, fresh = task.canvas, task.notify, task.fresh
         layers, change = self._at_work(rest, fresh=fresh), self._wet_change(task.wetness)
         rounds = self.effort.rounds_of_a_look(task.rounds, fresh=fresh)
@@ -463,12 +433,8 @@ class Planner:
         """Returns the layers of the rest, to be settled once more."""
         # A layer never goes back to a lighter paint, which would pick up dark paint that is still wet.
         parts, mixed = rest.filled_layers(), find_later_mixing(rest, self.settings.new_paints, fresh=fresh)
-        found: list[LayerAtWork] = []
-        for part, mixes in zip(parts, mixed, strict=True):
-            lightest = 0 if fresh or found else int(part.paint.min())
-            paints = Paints(part.palette.color.to(self.device), part.paint.to(self.device), lightest)
-            found.append(LayerAtWork(part.layers[0].kind, part.strokes.to(self.device), paints, mixes))
-        return found
+        lightest = [0 if fresh or number else int(part.paint.min()) for number, part in enumerate(parts)]
+        return [self._layer_of(*each, mixes=mixes) for *each, mixes in zip(parts, lightest, mixed, strict=True)]
 
     def _join(
         self,
@@ -494,7 +460,7 @@ class Planner:
         *,
         mixed: bool = True,
     ) -> Plan:
-        """Returns the rest settled for the effect of wet paint on its picture, on a canvas [3, H, W].
+        """Returns the rest settled for the effect of wet paint on its picture.
 
         mixed: False if the paints of the next stroke's layer may still change.
         If the expected painting is not better, or the goal or planner is of another kind, this is `rest`.
@@ -502,7 +468,7 @@ class Planner:
         ours = all(term.is_pixelwise for term in self.goal.terms) and self.settings.planner == LAYERS_KIND.name
         if len(rest) == 0 or not ours:
             return rest
-        canvas, hear, count = as_picture(canvas), at_the_end(notify or unheard), self.effort.replanning
+        canvas, hear, count = as_picture(canvas), at_the_end(_heard(notify)), self.effort.replanning
         layers, begin = self._at_work(rest, fresh=not mixed), StepCount(hear, count).begin
         if not mixed and int(rest.layer[0]) == 0:
             layers[0] = replace(layers[0], mixes=self.settings.new_paints or len(layers) == 1)
@@ -520,7 +486,7 @@ class Planner:
         return Planner(goal, self.settings, encoders=self.encoders, device=self.device)
 
     def locate(self, painted: Plan, known: Placement, before: AnyPicture, seen: AnyPicture) -> Placement:
-        """Returns the placement learned from the strokes just painted and the canvas [3, H, W] before and after them.
+        """Returns the placement learned from the strokes just painted and pictures of the canvas before and after them.
 
         If several layers were painted without a look, only the last layer counts.
         """
@@ -554,10 +520,7 @@ class Planner:
         return None if wetness is None else wetness.change_on(self.problems, self.fine)
 
     def expected_loss(self, plan: Plan, canvas: AnyPicture, wetness: Wetness | None = None) -> float:
-        """Returns the mean distance to the goal over paintings of the plan on a canvas [3, H, W].
-
-        wetness: as for `expected`.
-        """
+        """Returns the mean distance to the goal over paintings of the plan; `wetness` is as for `expected`."""
         return self._judge(stacked_loss, plan, canvas, wetness)
 
     def cost(self, plan: Plan, canvas: AnyPicture, wetness: Wetness | None = None) -> float:
@@ -582,27 +545,20 @@ class Planner:
         unseen: int = 0,
         wetness: Wetness | None = None,
     ) -> SimilarityForecast | None:
-        """Forecasts the similarity of the plan's painting on a canvas [3, H, W] to its photograph; see forecast.py."""
+        """Forecasts the similarity of the plan's painting to its photograph; see forecast.py."""
         seen = images.resize_by_area(as_picture(canvas), self.fine.rows, self.fine.columns)
-        return forecast(
-            self.goal, *self.problems.stack(plan, seen, self.fine), placement, unseen, self._change_by(wetness, plan)
-        )
+        stacked, change = self.problems.stack(plan, seen, self.fine), self._change_by(wetness, plan)
+        return forecast(self.goal, *stacked, placement, unseen, change)
 
     def validation_loss(self, picture: AnyPicture) -> float:
-        """Returns the distance of a picture [3, H, W] of the canvas to the goal.
-
-        The validation objective measures it, if the goal has one.
-        """
+        """Returns the distance of a picture [3, H, W] of the canvas to the goal, by its validation if it has one."""
         with torch.no_grad():
             objective = self.problems.objectives[self.fine]
             seen = images.fit(as_picture(picture).to(self.device), self.fine.rows, self.fine.columns)
             return float((objective.validation or objective)(seen))
 
     def measure_plan(self, strokes: int) -> float | None:
-        """Returns the time in seconds of a plan with this many strokes if nothing else runs on this machine.
-
-        None if no CLIP and no guide reads its words.
-        """
+        """Returns the seconds of a plan of so many strokes if nothing else runs here; None if no CLIP reads words."""
         bare = images.fit(self.bare.to(self.device), self.fine.rows, self.fine.columns)
         step = self.problems.objectives[self.fine].measure_step(bare)
         return None if step is None else step * self.iterations(strokes)
@@ -616,16 +572,8 @@ class Planner:
         facts: dict[str, Any] = {"canvas": self.size, "brush": model.brush, "limits": limits, "ground": self.ground}
         return self._clear(Plan.of(strokes, Palette(layer.paints.color.cpu()), layer.paints.paint.cpu(), **facts))
 
-    def _lay(self, layer: LayerAtWork, canvas: Tensor) -> Tensor:
-        """Returns the expected canvas [3, H, W] after the layer."""
-        with torch.no_grad():
-            return self.problems.of(canvas, self.fine, layer.kind).render(layer.strokes).cpu()
-
     def _clear(self, plan: Plan) -> Plan:
-        """Returns the plan without a stroke that touches the region.
-
-        Strokes are moved out of the region if possible, else left out.
-        """
+        """Returns the plan with strokes moved out of the region, or else left out."""
         if self.region is None or len(plan) == 0:
             return plan
         return self.region.clear(plan, self.problems.models, self.fine.rows, self.device)
@@ -653,7 +601,8 @@ class Planner:
         return self.effort.planning(self.layer_sizes(strokes), new_paints=self.settings.new_paints)
 
 
-# Ways to make a plan, of this and other packages.
+def _heard(notify: Callable[[Step], None] | None) -> Callable[[Step], None]:
+    return notify or (lambda step: None)
 
 
 @dataclass(frozen=True)
@@ -696,7 +645,7 @@ class PlanningTask:
 
 @dataclass(frozen=True)
 class PlannerKind:
-    """Way to make a plan.
+    """Way to make a plan, of this or another package.
 
     name: as in `--planner NAME`
     help: one sentence

@@ -7,14 +7,13 @@ import torch
 from torch import Tensor
 
 from frida_painter.palette import Palette, ciede2000, to_lab
+from frida_painter.planning.effort import DRAWING, Effort
 from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
 from frida_painter.strokes import Strokes
-
-# Distinct paints: paints that are hardly told apart are merged, and the free well gets an accent colour.
 
 HARDLY_APART = 2.5
 """CIEDE2000 below which two paints are hardly told apart and are merged.
@@ -79,16 +78,9 @@ MOVED = 0.15
 """Share of the strokes that may move in a round."""
 MOVED_WHERE_A_LAYER_BEGINS = 0.5
 """Share of the strokes that may move if a layer begins, because its canvas may differ from the planned one."""
-PROPOSALS = 24
-"""Number of proposals that are weighed for each stroke that moves."""
+_PROPOSALS = 24  # that are weighed for each stroke that moves
 _PROBES = 8
 _WORTHWHILE = 1.5  # gains are estimated on a coarse picture, and neighbours may want the same place
-
-
-def loss_without(strokes: Strokes, problem: PlanningProblem, target: Tensor, generator: torch.Generator) -> Tensor:
-    """Returns the rise of the summed squared error to target [3, H, W] without each single stroke, [n]."""
-    slope, square = loss_of_paint(strokes, problem, target, generator)
-    return slope + square
 
 
 def loss_of_paint(
@@ -108,8 +100,7 @@ def loss_of_paint(
     affine, magnitude = marks.affine, marks.magnitude.detach().requires_grad_()
     picture = composite(magnitude, affine, strokes.color, problem.canvas, bare_cells_answer=False)
 
-    def along(direction: Tensor) -> Tensor:
-        """-direction . D_i for every stroke."""
+    def along(direction: Tensor) -> Tensor:  # -direction . D_i for every stroke
         (slope,) = torch.autograd.grad(picture, magnitude, direction, retain_graph=True)
         return -(slope * magnitude).sum((1, 2)).detach()
 
@@ -160,9 +151,7 @@ def relocate(
     paints: Paints | None,
     problem: PlanningProblem,
     target: Tensor,
-    *,
     share: float,
-    proposals: int,
     generator: torch.Generator,
 ) -> tuple[Strokes, Paints | None]:
     """Moves up to a `share` of the strokes to places of a larger gain; the number of strokes stays the same.
@@ -173,8 +162,9 @@ def relocate(
     most = round(share * len(strokes))
     if most == 0:
         return strokes, paints
-    loss = loss_without(strokes, problem, target, generator)
-    found = best_proposals(strokes, paints, most, problem, target, proposals, generator=generator)
+    slope, square = loss_of_paint(strokes, problem, target, generator)
+    loss = slope + square
+    found = best_proposals(strokes, paints, most, problem, target, _PROPOSALS, generator)
     weakest = torch.argsort(loss)[: len(found.strokes)]
     count = int((found.gain > _WORTHWHILE * loss[weakest].clamp(min=0)).sum())
     stays = torch.ones(len(strokes), dtype=torch.bool, device=loss.device)
@@ -184,36 +174,24 @@ def relocate(
     return insert(strokes[stays], paints, found.first(count))
 
 
-# From free colours to paints: colours move towards the paints in rounds, then strokes and paints settle together.
-
-_KEEPING = (0.7, 0.45, 0.2, 0.1)  # share of the way from a stroke's colour to its paint that is left, for each round
-
-
-def binding_iterations(drawing: int, binding: int) -> int:
-    """Number of iterations of `bind_to_palette`."""
-    return len(_KEEPING) * drawing + binding
-
-
 def bind_to_palette(
     strokes: Strokes,
     problem: PlanningProblem,
     colors: int,
-    *,
-    drawing: int,
-    binding: int,
+    effort: Effort,
     seed: int,
     begin: Callable[[int], Callable[[Step], None]],
 ) -> tuple[Strokes, Paints]:
     """Binds the strokes, in painting order, to at most `colors` paints.
 
-    drawing: iterations after each round.
-    binding: iterations after the colours have become paints.
+    Colours move towards the paints in rounds, then strokes and paints settle together.
     begin: returns the callback that reports the next iterations.
     """
-    for keeping in _KEEPING:
+    for keeping in DRAWING:
         strokes = anneal_to_palette(strokes, problem, colors, keeping, seed)
-        strokes, _ = optimize(strokes, problem, iterations=drawing, notify=begin(drawing))
+        strokes, _ = optimize(strokes, problem, iterations=effort.drawing, notify=begin(effort.drawing))
     strokes, chosen = discretize(strokes, problem, colors, seed)
-    strokes, paints = optimize(strokes, problem, iterations=binding, paints=chosen, notify=begin(binding))
+    count = effort.binding
+    strokes, paints = optimize(strokes, problem, iterations=count, paints=chosen, notify=begin(count))
     assert paints is not None
     return strokes, paints

@@ -301,7 +301,8 @@ class PaintingRun:
         """Returns the estimate of the painting's time from `now` on; it is to hear every event."""
         spec, planner = self.spec, self.planner
         strokes = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for
-        work = {"planning": planner.iterations(spec.strokes), "replanning": planner.effort.of_a_look}
+        effort = planner.effort
+        work = {"planning": planner.iterations(spec.strokes), "replanning": effort.settling + effort.replanning}
         return RemainingTime(strokes, replan_policy(spec), now, **work)
 
     def open_easel(self, *, hear_signals: bool = False, answer: Callable[[Question], Answer] | None = None) -> Easel:

@@ -34,7 +34,6 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import ground_around_things, proposed_ground
-from frida_painter.planning.layers import unheard
 from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
@@ -369,7 +368,7 @@ def begin_together(planner: Planner, colors: int, mixed: Palette | None = None) 
 
 
 def settle_ground(
-    spec: RunSpec, planner: Planner, notify: Callable[[Step], None] = unheard
+    spec: RunSpec, planner: Planner, notify: Callable[[Step], None] = lambda step: None
 ) -> tuple[Planner, str, str]:
     """Chooses the ground; returns the planner on it, its name ("white" or a colour), and a sentence about the choice.
 
@@ -413,7 +412,7 @@ def choose_brushes(
     spec: RunSpec,
     goal: Goal,
     encoders: EncoderRegistry | None = None,
-    notify: Callable[[Step], None] = unheard,
+    notify: Callable[[Step], None] = lambda step: None,
 ) -> str:
     """Returns the brushes, in the form of --brushes, whose quick plan has the least expected loss.
 

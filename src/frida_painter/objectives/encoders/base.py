@@ -22,15 +22,12 @@ class Reader(Protocol):
 
     def reads_all(self, prompt: str) -> bool:
         """Returns True if all words are read, False if the last ones are cut off."""
-        ...
 
     def embed_text(self, prompt: str) -> Tensor:
         """Returns the embedding of words: [d], of unit length. Cuts off words that are too many."""
-        ...
 
     def embed_pictures(self, pictures: Tensor) -> Tensor:
         """Returns embeddings of pictures [n, 3, h, w], sRGB in [0, 1]: [n, d], each of unit length. Differentiable."""
-        ...
 
 
 @runtime_checkable
@@ -39,7 +36,6 @@ class Seer(Protocol):
 
     def features(self, views: Tensor) -> tuple[Tensor, ...]:
         """Returns feature maps [n, c, h', w'] of views [n, 3, h, w], sRGB in [0, 1]; shallow layers first."""
-        ...
 
 
 @runtime_checkable
@@ -71,8 +67,6 @@ class PictureLibrary(Protocol):
         In the folders "subject", "ground" and "mood" all captions are titles. Grounds and moods fill the canvas.
         Raises WeightsError or ConfigError if the library cannot be read.
         """
-        ...
 
     def picture(self, file: str) -> Tensor:
         """Returns a picture, colour and opacity [4, h, w] in [0, 1]. Raises ImageError."""
-        ...

@@ -159,6 +159,7 @@ class Clip:
         self._tokenizer = tokenizer
         self._family = _FAMILIES[model.config.model_type]
         self.name = name
+        self._most_tokens = int(model.config.text_config.max_position_embeddings)
         vision = model.config.vision_config
         self.side = int(vision.image_size)
         weights = sum(weight.numel() for weight in model.vision_model.encoder.parameters())
@@ -256,10 +257,6 @@ class Clip:
             if bool(torch.equal(found[0], found[1])):
                 raise WeightsError(f"all {what} are the same to it; take an undamaged copy")
 
-    @property
-    def _most_tokens(self) -> int:
-        return int(self._model.config.text_config.max_position_embeddings)
-
     def _plain(self, prompt: str) -> str:
         """Returns the prompt as the network's training had it."""
         return " ".join(re.sub(r"[^\w\s]", "", prompt.lower()).split()) if self._family.pads else prompt
@@ -302,7 +299,12 @@ def _read_model(folder: Path) -> Any:
     if found not in _FAMILIES:
         raise WeightsError(f"it is a {found!r} network, not a CLIP or SigLIP")
     kind = getattr(transformers, _FAMILIES[found].model)
-    _require_sizes(record)
+    towers = [record] + [record[tower] for tower in ("text_config", "vision_config") if record.get(tower) is not None]
+    for tower in towers:
+        for name, most in _SIZES.items():
+            size = tower.get(name, 1) if isinstance(tower, dict) else None
+            if size is not None and not (isinstance(size, int) and 1 <= size <= most):
+                raise WeightsError(f"its settings have {name} as {str(size)[:40]}; it is a number from 1 to {most}")
     try:
         settings = kind.config_class.from_dict(record)
     except Exception as cause:  # `transformers` raises anything
@@ -315,7 +317,13 @@ def _read_model(folder: Path) -> Any:
         except SafetensorError as cause:
             raise WeightsError("its weights are cut off, or not safetensors; fetch them again") from cause
     else:
-        tensors = _read_tensors(folder) if plain else clip_tensors(_read_tensors(folder))
+        file = folder / "open_clip_model.safetensors"
+        if plain:
+            tensors = state_dict(folder / "pytorch_model.bin")
+        elif file.is_file():
+            tensors = clip_tensors(tensor_file.read_tensors(file, "the weights of a CLIP", WeightsError)[0])
+        else:
+            tensors = clip_tensors(state_dict(folder / "open_clip_pytorch_model.bin"))
         tensors = {name: tensor.float() for name, tensor in tensors.items() if "position_ids" not in name}
         model, told = kind.from_pretrained(None, config=settings, state_dict=tensors, **how)
     missing = sorted(told["missing_keys"])
@@ -324,24 +332,6 @@ def _read_model(folder: Path) -> Any:
     if told["mismatched_keys"]:
         raise WeightsError(f"its weights have {min(told['mismatched_keys'])[0]} in another size than config.json")
     return model
-
-
-def _read_tensors(folder: Path) -> dict[str, Tensor]:
-    """Returns the tensors of a folder in another layout than that of `transformers` today. Raises WeightsError."""
-    file = folder / "open_clip_model.safetensors"
-    if is_of_open_clip(folder) and file.is_file():
-        return tensor_file.read_tensors(file, "the weights of a CLIP", WeightsError)[0]
-    return state_dict(folder / ("open_clip_pytorch_model.bin" if is_of_open_clip(folder) else "pytorch_model.bin"))
-
-
-def _require_sizes(record: Mapping[str, Any]) -> None:
-    """Raises WeightsError if settings ask for a network that no machine holds, or for none."""
-    towers = [record] + [record[tower] for tower in ("text_config", "vision_config") if record.get(tower) is not None]
-    for tower in towers:
-        for name, most in _SIZES.items():
-            size = tower.get(name, 1) if isinstance(tower, dict) else None
-            if size is not None and not (isinstance(size, int) and 1 <= size <= most):
-                raise WeightsError(f"its settings have {name} as {str(size)[:40]}; it is a number from 1 to {most}")
 
 
 def _read_tokenizer(folder: Path, settings: Any) -> Any:
@@ -381,12 +371,12 @@ def quietly() -> Iterator[None]:
 
 def _statistics(folder: Path) -> tuple[tuple[float, ...] | None, tuple[float, ...] | None]:
     """Returns mean and spread of the channels that the folder tells; None if it does not. Raises WeightsError."""
-    path, keys = folder / "preprocessor_config.json", ("image_mean", "image_std")
     if is_of_open_clip(folder):
         path, keys = folder / OPEN_CLIP, ("mean", "std")
-    record = _read_json(path) if path.is_file() else {}
-    if path.name == OPEN_CLIP:
-        record = record.get("preprocess_cfg") or {}
+        record = _read_json(path).get("preprocess_cfg") or {}
+    else:
+        path, keys = folder / "preprocessor_config.json", ("image_mean", "image_std")
+        record = _read_json(path) if path.is_file() else {}
     if not record:
         return None, None
     try:
