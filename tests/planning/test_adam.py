@@ -17,7 +17,7 @@ def test_its_steps_are_those_of_torch(monkeypatch: pytest.MonkeyPatch, compiled:
     random = torch.Generator().manual_seed(0)
     ours = [torch.randn(shape, generator=random).requires_grad_() for shape in ((300, 6), (12, 3))]
     torchs = [leaf.detach().clone().requires_grad_() for leaf in ours]
-    adam, oracle = Adam(ours, BETAS), torch.optim.Adam(torchs, betas=BETAS, foreach=True)
+    adam, oracle = Adam(ours), torch.optim.Adam(torchs, betas=BETAS, foreach=True)
     for iteration in range(60):
         adam.forget_gradients()
         oracle.zero_grad()
@@ -33,7 +33,7 @@ def test_its_steps_are_those_of_torch(monkeypatch: pytest.MonkeyPatch, compiled:
 
 def test_a_leaf_without_a_gradient_stays_where_it_is() -> None:
     moved, still = torch.ones(3, requires_grad=True), torch.ones(2, requires_grad=True)
-    adam = Adam([moved, still], BETAS)
+    adam = Adam([moved, still])
     moved.sum().backward()
     adam.step(0.1)
     assert torch.equal(still.detach(), torch.ones(2)) and bool((moved < 1).all())
@@ -42,7 +42,7 @@ def test_a_leaf_without_a_gradient_stays_where_it_is() -> None:
 def test_planning_does_not_load_the_compiler() -> None:
     code = (
         "import sys, torch; from frida_painter.planning.optimize import Adam\n"
-        "leaf = torch.ones(3, requires_grad=True); leaf.sum().backward(); Adam([leaf], (0.9, 0.98)).step(0.1)\n"
+        "leaf = torch.ones(3, requires_grad=True); leaf.sum().backward(); Adam([leaf]).step(0.1)\n"
         "sys.exit('torch._dynamo' in sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

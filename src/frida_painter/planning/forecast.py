@@ -15,7 +15,6 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
@@ -66,7 +65,7 @@ def forecast(
 ) -> SimilarityForecast | None:
     """Forecasts the similarity of a painting to its photograph; None if the goal has no photograph.
 
-    strokes, scenes: one for each brush in painting order; all are painted on the canvas of the first scene.
+    strokes, problems: one for each brush in painting order; all are painted on the canvas of the first problem.
     placement: placement error of the robot as known so far. None: strokes land exactly.
     unseen: number of strokes painted before the next photograph improves the placement. Later strokes are planned
     on that photograph and repair a part of the earlier errors, equal to their share of the plan.
@@ -85,26 +84,23 @@ def forecast(
     covariance = np.linalg.inv(np.array(placement.information))
     lengths, axes = np.linalg.eigh(covariance)
     shift, variance = 0.0, chance**2
+
+    def error_if(step: Sequence[float]) -> float:
+        """Returns the error if the first strokes, which are not seen, land beside their places."""
+        landed, count = [], unseen
+        for part in strokes:
+            astray = displace_strokes(part[:count], tuple(step), problems[0].size)
+            landed.append(Strokes.join(astray, part[count:]))
+            count = max(0, count - len(part))
+        return _error(landed, problems, target)
+
     for length, axis in zip(lengths, axes.T, strict=True):
         step = math.sqrt(3 * max(float(length), 0.0)) * axis
-        landed = (_displace_first(strokes, sign * step, problems[0].size, unseen) for sign in (1, -1))
-        up, down = (_error(each, problems, target) for each in landed)
+        up, down = error_if(step.tolist()), error_if((-step).tolist())
         shift += (up + down - 2 * error) / 6
         variance += ((up - down) ** 2 / 2 + (up + down - 2 * error) ** 2 / 9) / 6
     shift *= min(1.0, unseen / sum(map(len, strokes)))
     return SimilarityForecast.of_error(error + max(shift, 0.0), math.sqrt(variance))
-
-
-def _displace_first(
-    strokes: Sequence[Strokes], error: np.ndarray[tuple[int], np.dtype[np.float64]], size: CanvasSize, count: int
-) -> list[Strokes]:
-    """Returns the strokes, with the first `count` of them shifted by the placement error."""
-    found = []
-    for part in strokes:
-        astray = displace_strokes(part[:count], tuple(error.tolist()), size)
-        found.append(Strokes.join(astray, part[count:]))
-        count = max(0, count - len(part))
-    return found
 
 
 @torch.no_grad()
@@ -140,12 +136,9 @@ def _error_and_chance(
     return float(error.detach()), math.sqrt(by_chance)
 
 
-# Cost of a brush that runs dry: the loss from strokes that lack a share of their paint.
-
-
 @dataclass(frozen=True)
 class Fading:
-    """Cost of n strokes that lack a share f of their paint: f slope + f^2 square.
+    """Cost of n strokes of a brush that runs dry, and lack a share f of their paint: f slope + f^2 square.
 
     slope, square [n]: in shares of the squared error of the whole plan's painting. A slope below 0 means that the
     stroke has too much paint.
@@ -177,27 +170,25 @@ def fading_of(plan: Plan, canvas: Tensor, problems: PlanningProblems, grid: Pixe
     canvas [3, H, W]: picture of the canvas.
     """
     parts, on = problems.stack(plan, canvas, grid)
-    guide = problems.guide(on[0])
+    guide, laid = problems.guide(on[0]), list(zip(parts, on, strict=True))
     with FailureTolerance():
-        return _measure_fading(parts, on) if guide is None else _towards(guide, parts, on, seed)
+        if guide is not None:
+            return _towards(guide, laid, seed)
+        areas = torch.cat([visible_area(*each) for each in laid]).clamp(min=0).cpu()
+        return Fading(torch.zeros_like(areas), areas / areas.sum().clamp(min=1))
     return Fading.none(len(plan))
 
 
-def _measure_fading(parts: Sequence[Strokes], on: Sequence[PlanningProblem]) -> Fading:
-    areas = torch.cat([visible_area(part, problem) for part, problem in zip(parts, on, strict=True)]).clamp(min=0).cpu()
-    return Fading(torch.zeros_like(areas), areas / areas.sum().clamp(min=1))
-
-
-def _towards(guide: Tensor, parts: Sequence[Strokes], on: Sequence[PlanningProblem], seed: int) -> Fading:
-    laid = list(zip(parts, on, strict=True))
-    found, below = [], on[0].canvas
+def _towards(guide: Tensor, laid: Sequence[tuple[Strokes, PlanningProblem]], seed: int) -> Fading:
+    first = laid[0][1]
+    found, below = [], first.canvas
     for number, (part, problem) in enumerate(laid):
         here, above = replace(problem, canvas=below), laid[number + 1 :]
         seen, wanted = beneath(above, part, here, guide) if above else (here, guide)
         found.append(loss_of_paint(part, seen, wanted, torch.Generator().manual_seed(seed)))
         with torch.no_grad():
             below = here.render(part)
-    matters = 1.0 if on[0].importance is None else on[0].importance
+    matters = 1.0 if first.importance is None else first.importance
     whole = float((matters * (below - guide).square()).sum())
     slope, square = (torch.cat(each).cpu() / max(whole, 1e-9) for each in zip(*found, strict=True))
     return Fading(slope, square)

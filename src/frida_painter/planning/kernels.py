@@ -228,13 +228,11 @@ def _shown(ratio):  # type: ignore[no-untyped-def]
 
 def argument_types():  # type: ignore[no-untyped-def]
     """Returns the loops with the types of their arguments for a plan in float32; see compiled.py."""
-    return (*_types_of_variables(), *_types_of_wet_paint())  # type: ignore[no-untyped-call]
-
-
-def _types_of_variables():  # type: ignore[no-untyped-def]
     number, line, table, index = float32, float32[::1], float32[:, ::1], int64[::1]
+    maps, times = float32[:, :, ::1], float64[::1]
     strokes = (table, line, index, table, line, line, line, line)
-    pair = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
+    packed = (index, int32[::1], line, int8[::1])
+    pair, wet = types.UniTuple(float32, 2), types.UniTuple(float64, 3)  # type: ignore[no-untyped-call]
     return (
         (to_strokes, strokes),
         (to_colors, (table, index, table, number)),
@@ -242,15 +240,6 @@ def _types_of_variables():  # type: ignore[no-untyped-def]
         (pull_to_colors, (table, index, table, number)),
         (bring_inside, (table, line, pair, pair, number, number)),
         (step, (line,) * 4 + (number,) * 5),
-    )
-
-
-def _types_of_wet_paint():  # type: ignore[no-untyped-def]
-    maps, index = float32[:, :, ::1], int64[::1]
-    packed = (index, int32[::1], float32[::1], int8[::1])
-    numbers = types.UniTuple(float64, 3)  # type: ignore[no-untyped-call]
-    flat, wide = float32[::1], float32[:, ::1]
-    return (
         (cover, (maps, maps, maps, spans_type(), int64, float64, *packed)),
-        (lay, (*packed, wide, wide, float64[::1], int64, numbers, float64, wide, flat, wide, float64[::1])),
+        (lay, (*packed, table, table, times, int64, wet, float64, table, line, table, times)),
     )

@@ -74,13 +74,12 @@ def make_mixable(color: Tensor, weight: Tensor, paints: PaintSet, apart: float) 
     number = torch.zeros(len(color), dtype=torch.long, device=color.device)
     for at, group in enumerate(groups):
         number[group] = at
-    colors = torch.stack([one for one, _ in found])
-    changes = tuple(
-        _change(color[group], one)
-        for group, (one, _), changed in zip(groups, found, _changed(color, groups, found), strict=True)
-        if changed
-    )
-    return MixablePalette(colors, number, changes)
+    changes = []
+    for group, (one, _), changed in zip(groups, found, _changed(color, groups, found), strict=True):
+        if changed:
+            off = ciede2000(to_lab(color[group]), to_lab(one)[None])
+            changes.append(PaintChange(tuple(color[group]), one, tuple(off.tolist())))
+    return MixablePalette(torch.stack([one for one, _ in found]), number, tuple(changes))
 
 
 def _changed(color: Tensor, groups: Sequence[list[int]], found: Sequence[tuple[Tensor, Recipe]]) -> list[bool]:
@@ -113,11 +112,6 @@ def _twins(found: Sequence[tuple[Tensor, Recipe]], changed: Sequence[bool], apar
         or ((changed[one] or changed[other]) and not float(gap[one, other]) >= apart)
     ]
     return min(pairs)[1:] if pairs else None
-
-
-def _change(before: Tensor, after: Tensor) -> PaintChange:
-    off = ciede2000(to_lab(before), to_lab(after)[None])
-    return PaintChange(tuple(before), after, tuple(off.tolist()))
 
 
 def mixing_changes(plan: Plan) -> dict[str, str]:

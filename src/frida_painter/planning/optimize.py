@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -17,22 +18,20 @@ from frida_painter.planning.variables import Paints, Variables
 from frida_painter.render import Marks, Moments, composite_moments
 from frida_painter.strokes import Strokes
 
-# Adam for the planner's two leaves: that of PyTorch but for rounding (D. Kingma, J. Ba, ICLR 2015).
-#
-# torch.optim.Adam loads PyTorch's compiler, which would cost every planning command more than a second.
-
+_BETAS = (0.9, 0.98)
 _EPSILON = 1e-8
 
 
 class Adam:
-    """Adam optimiser that steps `leaves` in place along their gradients.
+    """Adam optimiser that steps `leaves` in place along their gradients (D. Kingma, J. Ba, ICLR 2015).
 
+    It is that of PyTorch but for rounding. torch.optim.Adam loads PyTorch's compiler, which would cost every planning
+    command more than a second.
     betas: decay rates of the means of the gradient and of its square.
     """
 
-    def __init__(self, leaves: Sequence[Tensor], betas: tuple[float, float]) -> None:
-        self._leaves = list(leaves)
-        self._betas = betas
+    def __init__(self, leaves: Sequence[Tensor], betas: tuple[float, float] = _BETAS) -> None:
+        self._leaves, self._betas = list(leaves), betas
         self._means = [torch.zeros_like(leaf) for leaf in self._leaves]
         self._squares = [torch.zeros_like(leaf) for leaf in self._leaves]
         self._steps = 0
@@ -82,26 +81,21 @@ def interlace_rows(problems: list[PlanningProblem]) -> list[list[PlanningProblem
     every = min(_rows_apart(problem) for problem in problems)
     if every == 1:
         return [problems]
+
+    def on_rows(problem: PlanningProblem, rows: Rows) -> PlanningProblem:
+        assert problem.objective_on_rows is not None
+        return replace(problem, objective=problem.objective_on_rows(rows), rows=rows)
+
     turns = (Rows(every, first) for first in range(every))
-    return [[_on_rows(problem, rows) for problem in problems] for rows in turns]
-
-
-def _on_rows(problem: PlanningProblem, rows: Rows) -> PlanningProblem:
-    """Returns the scene with these rows only."""
-    assert problem.objective_on_rows is not None
-    return replace(problem, objective=problem.objective_on_rows(rows), rows=rows)
+    return [[on_rows(problem, rows) for problem in problems] for rows in turns]
 
 
 def _rows_apart(problem: PlanningProblem) -> int:
-    """Returns the distance of two rendered rows, in rows."""
     if problem.objective_on_rows is None:
         return 1
     _, pitch = PixelGrid(problem.size, *problem.canvas.shape[1:]).pitch
     mark = 3 * mark_width(problem.model)
     return max(1, int(min(mark, problem.size.height) / _ROWS_TO_A_MARK / pitch))
-
-
-# Slow terms of the objective, such as those of networks, are computed in some iterations only.
 
 
 def take_turns(
@@ -111,8 +105,8 @@ def take_turns(
 
     Each comes with True if its loss can be compared with others: all rows are seen, and all terms are computed.
 
-    If a term is slow, some iterations compute it and the others use its gradient there (`find_renewals`); else the
-    iterations between the first and the last one have rows of their own (`interlace_rows`).
+    If a term is slow, as those of networks are, some iterations compute it and the others use its gradient there
+    (`find_renewals`); else the iterations between the first and the last one have rows of their own (`interlace_rows`).
     """
     sparing = problems[0].sparing
     if sparing is None:
@@ -123,10 +117,8 @@ def take_turns(
     first, *others = problems
     anew, spared = ([replace(first, objective=judge), *others] for judge in (made.anew, made.between))
     renewed = find_renewals(iterations, made, pace)
-    return [
-        *((anew, True) if number in renewed else (spared, False) for number in range(iterations)),
-        (problems, True),
-    ]
+    turns = [(anew, True) if number in renewed else (spared, False) for number in range(iterations)]
+    return [*turns, (problems, True)]
 
 
 def find_renewals(iterations: int, sparing: Sparing, pace: float = 1.0) -> set[int]:
@@ -170,10 +162,7 @@ def stacked_moments(
 def stacked_loss(
     strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], objective: CanvasLoss | None = None
 ) -> Tensor:
-    """Returns the expected loss over paintings of the strokes.
-
-    objective: None: the objective of the first scene.
-    """
+    """Returns the expected loss over paintings of the strokes, by default for the objective of the first scene."""
     if len(problems) == 1:
         return problems[0].expected_loss(strokes[0], objective)
     return (objective or problems[0].objective)(*stacked_moments(strokes, problems))
@@ -188,14 +177,13 @@ def stacked_cost(
     the loss, because a decibel is worth as much in a dark picture as in a light one.
     """
     loss = stacked_loss(strokes, problems, objective)
-    if not any(problem.prices_strokes for problem in problems):
+    if not any(problem.paint_price > 0 or problem.brushwork is not None for problem in problems):
         return loss
     return loss * (1 + sum(problem.stroke_cost(part) for part, problem in zip(strokes, problems, strict=True)))
 
 
 _MAX_FAILURES = 3
 _WARMING = 6
-_BETAS = (0.9, 0.98)
 _BETWEEN_VALIDATIONS = 10  # iterations
 _RENEWAL = 10  # iterations after which a change of the picture is renewed
 _READ_TOGETHER = 8  # iterations; a GPU would stand still at each reading
@@ -250,12 +238,8 @@ def optimize(
     notify: Callable[[Step], None] = lambda step: None,
 ) -> tuple[Strokes, Paints | None]:
     """Optimises strokes of one brush, in painting order, and their paints; see `optimize_together`."""
-    (found,) = optimize_together(
-        [StrokesInScene(strokes, problem, paints, vary_colors)],
-        iterations=iterations,
-        pace=pace,
-        notify=notify,
-    )
+    part = StrokesInScene(strokes, problem, paints, vary_colors)
+    (found,) = optimize_together([part], iterations=iterations, pace=pace, notify=notify)
     return found.strokes, found.paints
 
 
@@ -285,20 +269,13 @@ def optimize_together(
     working = [part for part in parts if len(part.strokes)]
     if not working:
         return list(parts)
-    variables = [
-        Variables(
-            part.strokes,
-            part.paints,
-            vary_colors=part.vary_colors,
-        )
-        for part in working
-    ]
+    variables = [Variables(part.strokes, part.paints, vary_colors=part.vary_colors) for part in working]
     leaves = [leaf for each in variables for leaf in each.leaves]
     problems = [part.problem for part in working]
     kinds = [kind_of(problem.model) for problem in problems]
-    adam = Adam(leaves, _BETAS)
-    best = _Best(variables)
-    readings = _Readings(1 if leaves[0].device.type == "cpu" else _READ_TOGETHER)
+    adam, best = Adam(leaves), _Best(leaves)
+    waiting: list[_Reading] = []
+    together = 1 if leaves[0].device.type == "cpu" else _READ_TOGETHER
     validation = problems[0].validation
     pause = _BETWEEN_VALIDATIONS * (2 if problems[0].sparing else 1)  # as long as some spared iterations
     failures = 0
@@ -311,47 +288,47 @@ def optimize_together(
                     changed = change(current, problems)
             else:
                 is_comparable = False  # only plans with their own changes are compared
-            seen = [_shift(seen[0], changed), *seen[1:]]
+            shifted = shift_objective(seen[0].objective, seen[0].rows.of(changed))
+            seen = [replace(seen[0], objective=shifted), *seen[1:]]
         with torch.set_grad_enabled(iteration < iterations):
             loss = stacked_cost(current, seen)
         if validation is None:
             if is_comparable:  # losses of different rows are not comparable, nor is a tangent a loss
-                best.consider(loss, variables)
+                best.consider(loss)
         elif iteration % pause == 0 or iteration == iterations:
             with torch.no_grad():
                 by = validation if changed is None else shift_objective(validation, changed)
-                best.consider(stacked_cost(current, problems, by), variables)
+                best.consider(stacked_cost(current, problems, by))
         if iteration == iterations:
             break
         adam.forget_gradients()
         torch.autograd.backward(loss)
         laid = tuple((kind, strokes.detach()) for kind, strokes in zip(kinds, current, strict=True))
-        readings.add(_Reading(iteration, loss.detach(), _zero_unsound_slope(loss, leaves), laid))
+        waiting.append(_Reading(iteration, loss.detach(), _zero_unsound_slope(loss, leaves), laid))
         adam.step(pace * 0.5**failures * _step_schedule(iteration, iterations))
         for each, problem in zip(variables, problems, strict=True):
             each.bring_inside(problem.limits, problem.size, problem.in_paint)
-        if not readings.full and iteration + 1 < iterations:
+        if len(waiting) < together and iteration + 1 < iterations:
             continue
-        heard, failed, least = readings.read(best.loss)
-        for step in heard:
-            notify(Step(step.iteration + 1, iterations, step.value, step.laid))
-        if failed is not None:
+        numbers = [part.to(best.loss) for one in waiting for part in (one.loss, one.sound)]
+        least, *values = torch.stack([best.loss, *numbers]).tolist()  # one transfer
+        read, waiting = zip(waiting, values[::2], values[1::2], strict=True), []
+        for reading, value, sound in read:
+            if sound:
+                notify(Step(reading.iteration + 1, iterations, value, reading.laid))
+                continue
             failures += 1
             if failures == _MAX_FAILURES or not math.isfinite(least):
                 raise PlanningDiverged(
-                    f"The loss or its slope was not finite in iteration {failed.iteration}, for the {failures}. time "
-                    f"(the loss was {failed.value:g}); try another seed (--seed), or another picture."
+                    f"The loss or its slope was not finite in iteration {reading.iteration}, for the {failures}. time "
+                    f"(the loss was {value:g}); try another seed (--seed), or another picture."
                 )
-            best.restore(variables)
-            adam = Adam(leaves, _BETAS)
-    best.restore(variables)
+            best.restore()
+            adam = Adam(leaves)
+            break
+    best.restore()
     done = iter(zip(working, variables, strict=True))
     return [_in_order(*next(done)) if len(part.strokes) else part for part in parts]
-
-
-def _shift(problem: PlanningProblem, change: Tensor) -> PlanningProblem:
-    """Returns the scene whose objective sees the picture with this change [3, H, W]."""
-    return replace(problem, objective=shift_objective(problem.objective, problem.rows.of(change)))
 
 
 def shift_objective(objective: CanvasLoss, change: Tensor) -> CanvasLoss:
@@ -360,7 +337,6 @@ def shift_objective(objective: CanvasLoss, change: Tensor) -> CanvasLoss:
 
 
 def _in_order(part: StrokesInScene, variables: Variables) -> StrokesInScene:
-    """Returns the part with the optimised strokes, in painting order."""
     order = variables.order()
     found = variables.paints()
     if found is not None:
@@ -382,81 +358,40 @@ def _zero_unsound_slope(loss: Tensor, leaves: list[Tensor]) -> Tensor:
     if any(leaf.grad is None for leaf in leaves):
         return torch.zeros_like(loss, dtype=torch.bool)
     slopes = [leaf.grad for leaf in leaves if leaf.grad is not None]
-    sound = (
-        torch.stack([loss.detach(), *(slope.sum() for slope in slopes)]).isfinite().all()
-    )  # one bad number spoils a sum
+    sums = [loss.detach(), *(slope.sum() for slope in slopes)]  # one bad number spoils a sum
+    sound = torch.stack(sums).isfinite().all()
     for leaf, slope in zip(leaves, slopes, strict=True):
         leaf.grad = torch.where(sound, slope, 0)
     return sound
 
 
-@dataclass(frozen=True)
-class _Reading:
-    """One iteration whose loss may still be on the device.
-
-    sound: True if loss and gradients were finite.
-    value: loss as a number, NaN until it is read.
-    """
+class _Reading(NamedTuple):
+    """Iteration whose loss may still be on the device; it is sound if loss and gradients were finite."""
 
     iteration: int
     loss: Tensor
     sound: Tensor
     laid: tuple[tuple[str, Strokes], ...]
-    value: float = math.nan
-
-
-class _Readings:
-    """Iterations whose losses are still on the device; `together` of them are read at once."""
-
-    def __init__(self, together: int) -> None:
-        self._together = together
-        self._waiting: list[_Reading] = []
-
-    @property
-    def full(self) -> bool:
-        """True if it is time to read."""
-        return len(self._waiting) >= self._together
-
-    def add(self, reading: _Reading) -> None:
-        """Adds a waiting iteration."""
-        self._waiting.append(reading)
-
-    def read(self, least: Tensor) -> tuple[list[_Reading], _Reading | None, float]:
-        """Reads all waiting iterations and the least loss in one transfer.
-
-        Returns the iterations before the first one that was not sound, that one or None, and the least loss.
-        """
-        waiting, self._waiting = self._waiting, []
-        numbers = [part.to(least) for one in waiting for part in (one.loss, one.sound)]
-        found, *values = torch.stack([least, *numbers]).tolist()
-        heard: list[_Reading] = []
-        for reading, value, sound in zip(waiting, values[::2], values[1::2], strict=True):
-            if not sound:
-                return heard, replace(reading, value=value), found
-            heard.append(replace(reading, value=value))
-        return heard, None, found
 
 
 class _Best:
-    """Best variables seen so far, kept on their device."""
+    """Best values of the leaves so far, kept on their device."""
 
-    def __init__(self, variables: Sequence[Variables]) -> None:
-        self.loss = variables[0].shape.new_full((), math.inf)
-        self._kept = [[leaf.detach().clone() for leaf in each.leaves] for each in variables]
+    def __init__(self, leaves: Sequence[Tensor]) -> None:
+        self._leaves = leaves
+        self.loss = leaves[0].new_full((), math.inf)
+        self._kept = [leaf.detach().clone() for leaf in leaves]
 
-    def consider(self, loss: Tensor, variables: Sequence[Variables]) -> None:
-        """Keeps the variables if the loss is the least so far."""
+    def consider(self, loss: Tensor) -> None:
+        """Keeps the leaves if the loss is the least so far."""
         loss = loss.detach().to(self.loss)
         better = loss < self.loss
         self.loss = torch.where(better, loss, self.loss)
-        self._kept = [
-            [torch.where(better, leaf.detach(), kept) for leaf, kept in zip(each.leaves, before, strict=True)]
-            for each, before in zip(variables, self._kept, strict=True)
-        ]
+        both = zip(self._leaves, self._kept, strict=True)
+        self._kept = [torch.where(better, leaf.detach(), kept) for leaf, kept in both]
 
-    def restore(self, variables: Sequence[Variables]) -> None:
-        """Sets the variables to the best ones."""
+    def restore(self) -> None:
+        """Sets the leaves to the best values."""
         with torch.no_grad():
-            for each, before in zip(variables, self._kept, strict=True):
-                for leaf, kept in zip(each.leaves, before, strict=True):
-                    leaf.copy_(kept)
+            for leaf, kept in zip(self._leaves, self._kept, strict=True):
+                leaf.copy_(kept)

@@ -25,13 +25,11 @@ from frida_painter.frames import PixelGrid
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.strokes import Strokes
 
-# Gauss-Newton method: a few numbers that explain a picture best, together with their earlier estimate.
-
 
 def gauss_newton(
     residual: Callable[[Tensor], Tensor], prior: Tensor, certainty: Tensor, steps: Tensor, alike: float, rounds: int
 ) -> tuple[Tensor, Tensor]:
-    """Returns the numbers [k] of the least residual and their information [k, k] (inverse covariance), in float64.
+    """Returns the numbers [k] that explain a picture best, and their information [k, k] (inverse covariance), float64.
 
     residual: function from the numbers to the unexplained part [m].
     prior [k]: earlier estimate of the numbers, with information `certainty` [k, k].
@@ -113,10 +111,9 @@ class TouchHeights:
         return cls(dict(depths), (0.0,) * count, _rows(np.linalg.inv(covariance)))
 
     def after(self, brush: str, lower: float, deviation: float) -> Self:
-        """Returns the estimate after one more measurement of one brush.
+        """Returns the estimate after one more measurement of one brush: correction and standard deviation, in metres.
 
-        lower, deviation: measured correction and its standard deviation, in metres.
-        The estimate stays as it was if a correction would exceed MAX_LOWER.
+        It stays as it was if a correction would exceed MAX_LOWER.
         """
         seen = np.array([float(name == brush) for name in self.depths])
         before = np.array(self.information)
@@ -152,7 +149,10 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: PlanningProblem,
     tells = _contrast(landed, before) >= _CONTRAST
     if int(tells.sum()) < _FEWEST:
         return known
-    learned_from, kept_aside = _visible(landed, tells, aside, before)
+    # Where strokes that contrast are visible: those to learn from are black on grey, and those kept aside white.
+    shade = torch.where(tells, aside.to(landed.color), 0.5)[:, None].expand(-1, 3)
+    shown = replace(before, canvas=torch.full_like(before.canvas, 0.5)).render(landed.with_groups(color=shade))[0]
+    learned_from, kept_aside = shown < 0.45, shown > 0.55  # [H, W]
     if not (learned_from.any() and kept_aside.any()):
         return known
 
@@ -168,16 +168,14 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: PlanningProblem,
         picture = before.canvas + (1 + opaquer) * (pressed.render(marks) - before.canvas)
         return (seen - picture)[:, where].flatten().cpu().double()
 
-    usual, nothing = torch.tensor(_USUAL, dtype=torch.float64), torch.zeros(3, dtype=torch.float64)
+    usual, steps = torch.tensor((_USUAL, _STEPS), dtype=torch.float64)
+    nothing, certainty = torch.zeros_like(usual), torch.diag(usual.square().reciprocal())
+    alike = (_CORRELATED / before.size.height * before.canvas.shape[1]) ** 2
     found, information = gauss_newton(
-        lambda numbers: residual(numbers, learned_from),
-        nothing,
-        torch.diag(usual.square().reciprocal()),
-        torch.tensor(_STEPS, dtype=torch.float64),
-        (_CORRELATED / before.size.height * before.canvas.shape[1]) ** 2,
-        _ROUNDS,
+        lambda numbers: residual(numbers, learned_from), nothing, certainty, steps, alike, _ROUNDS
     )
-    if not _size(residual(found, kept_aside)) < _size(residual(nothing, kept_aside)):
+    left, without = (float(residual(numbers, kept_aside).square().mean()) for numbers in (found, nothing))
+    if not left < without:
         return known
     deviation = float(torch.linalg.inv(information)[0, 0].sqrt())
     sent, depth = known.correction(brush), known.depths[brush]
@@ -203,20 +201,6 @@ def _contrast(strokes: Strokes, problem: PlanningProblem) -> Tensor:
     column, row = at[..., 0].clamp(0, grid.columns - 1), at[..., 1].clamp(0, grid.rows - 1)
     below = problem.canvas[:, row, column].permute(1, 2, 0)  # [n, t, 3]
     return (strokes.color[:, None] - below).abs().mean(1).amax(1)
-
-
-def _visible(strokes: Strokes, tells: Tensor, aside: Tensor, problem: PlanningProblem) -> tuple[Tensor, Tensor]:
-    """Returns masks [H, W] of visible contrasting strokes: those to learn from, and those kept for validation.
-
-    tells [n], aside [n]: True for contrasting strokes, and for strokes kept for validation.
-    """
-    shade = torch.where(tells, aside.to(strokes.color), 0.5)[:, None].expand(-1, 3)
-    shown = replace(problem, canvas=torch.full_like(problem.canvas, 0.5)).render(strokes.with_groups(color=shade))[0]
-    return shown < 0.45, shown > 0.55
-
-
-def _size(residual: Tensor) -> float:
-    return float(residual.square().mean())
 
 
 def _lower(record: _Heights, lower: float) -> _Heights:
@@ -255,7 +239,7 @@ class Placement:
 
         depths: depths of the brushes whose touch heights are learned, as in TouchHeights.
         """
-        information = tuple(map(tuple, np.diag(1 / np.square(_PLACEMENT_USUAL)).tolist()))
+        information = _rows(np.diag(1 / np.square(_PLACEMENT_USUAL)))
         return cls((0.0, 0.0, 0.0), information, TouchHeights.unknown(depths or {}))
 
     def correct(self, calibration: Calibration, size: CanvasSize) -> Calibration:
@@ -268,7 +252,7 @@ class Placement:
         landing[:2, :2] = rotation
         landing[:2, 2] = middle - rotation @ middle + (x, y)
         placement = np.array(calibration.placement) @ np.linalg.inv(landing)
-        return self.touch.correct(replace(calibration, placement=tuple(map(tuple, placement.tolist()))))
+        return self.touch.correct(replace(calibration, placement=_rows(placement)))
 
 
 def learn(meant: Strokes, known: Placement, coarse: PlanningProblem, fine: PlanningProblem, seen: Tensor) -> Placement:
@@ -286,12 +270,7 @@ def learn(meant: Strokes, known: Placement, coarse: PlanningProblem, fine: Plann
 
 @torch.no_grad()
 def locate(meant: Strokes, known: Placement, before: PlanningProblem, seen: Tensor) -> Placement:
-    """Returns the placement after a look at painted strokes.
-
-    meant: strokes as planned, sent with the correction of `known`.
-    before: scene in which they were painted.
-    seen [3, H, W]: canvas afterwards.
-    """
+    """Returns the placement after a look at painted strokes; arguments as for `learn`."""
     sent = _undo_displacement(meant, known.error, before.size)
     width = _odd_pixels(_BLUR, before)
     blurred = _blur(seen, width)
@@ -300,33 +279,28 @@ def locate(meant: Strokes, known: Placement, before: PlanningProblem, seen: Tens
         landed = displace_strokes(sent, tuple(error.tolist()), before.size)
         return (blurred - _blur(before.render(landed), width)).flatten().cpu().double()
 
-    error, information = gauss_newton(
-        residual,
-        torch.tensor(known.error, dtype=torch.float64),
-        torch.tensor(known.information, dtype=torch.float64),
-        torch.tensor(_STEP, dtype=torch.float64),
-        3 * _odd_pixels(_PLACEMENT_CORRELATED, before) ** 2,
-        _PLACEMENT_ROUNDS,
+    prior, certainty, steps = (
+        torch.tensor(part, dtype=torch.float64) for part in (known.error, known.information, _STEP)
     )
+    alike = 3 * _odd_pixels(_PLACEMENT_CORRELATED, before) ** 2
+    error, information = gauss_newton(residual, prior, certainty, steps, alike, _PLACEMENT_ROUNDS)
     x, y, turn = error.tolist()
-    return Placement((x, y, turn), tuple(map(tuple, information.tolist())), known.touch)
+    return Placement((x, y, turn), _rows(information.numpy()), known.touch)
 
 
 def displace_strokes(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
-    """Returns the strokes as they land with this error.
-
-    error: metres, metres, radians, as `Placement.error`.
-    """
+    """Returns the strokes as they land with this error: metres, metres, radians, as `Placement.error`."""
     x, y, turn = error
-    position = (strokes.position - _middle(strokes, size)) @ _rotation(strokes, turn) + _middle(strokes, size)
+    middle = strokes.position.new_tensor([size.width / 2, size.height / 2])
+    position = (strokes.position - middle) @ _rotation(strokes, turn) + middle
     return strokes.with_groups(position=position + position.new_tensor([x, y]), angle=strokes.angle + turn)
 
 
 def _undo_displacement(strokes: Strokes, error: tuple[float, ...], size: CanvasSize) -> Strokes:
     """Returns the strokes as the robot must be sent, so that with this error they land at the given places."""
     x, y, turn = error
-    offset = strokes.position - strokes.position.new_tensor([x, y]) - _middle(strokes, size)
-    position = offset @ _rotation(strokes, -turn) + _middle(strokes, size)
+    middle = strokes.position.new_tensor([size.width / 2, size.height / 2])
+    position = (strokes.position - strokes.position.new_tensor([x, y]) - middle) @ _rotation(strokes, -turn) + middle
     return strokes.with_groups(position=position, angle=strokes.angle - turn)
 
 
@@ -334,10 +308,6 @@ def _rotation(strokes: Strokes, turn: float) -> Tensor:
     """Returns the matrix [2, 2] that turns rows (x, y) counter-clockwise."""
     cos, sin = math.cos(turn), math.sin(turn)
     return strokes.position.new_tensor([[cos, sin], [-sin, cos]])
-
-
-def _middle(strokes: Strokes, size: CanvasSize) -> Tensor:
-    return strokes.position.new_tensor([size.width / 2, size.height / 2])
 
 
 def _odd_pixels(metres: float, problem: PlanningProblem) -> int:

@@ -408,7 +408,7 @@ class Planner:
         return rest
 
     def _replan_better(self, task: "PlanningTask", rest: Plan, moves: Sequence[bool]) -> Plan:
-        """Returns the first new plan that is better than the rest, by strokes that may move far or not; else the rest."""
+        """Returns the first new plan that is better than the rest, whose strokes may move far or not; else the rest."""
         cost = self.cost(rest, task.canvas, task.wetness)
         for moving in moves:
             told = task.notify if moving else at_the_end(task.notify)

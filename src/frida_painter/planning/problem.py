@@ -66,10 +66,7 @@ class PlanningProblem:
         return self.model.limits.within(self.size)
 
     def in_paint(self, color: Tensor) -> Tensor:
-        """Returns the nearest colour that paint can have.
-
-        color [..., 3]: sRGB. The result is in [0, 1], with no channel below the darkest paint.
-        """
+        """Returns the nearest colour [..., 3] that paint can have: no channel is below that of the darkest paint."""
         return color.clamp(0, 1) if self.darkest is None else torch.maximum(color.clamp(max=1), self.darkest)
 
     def marks(self, strokes: Strokes) -> Marks:
@@ -90,19 +87,11 @@ class PlanningProblem:
         return spread_of(self.model).widen(_IN_A_PAINTING)
 
     def expected_loss(self, strokes: Strokes, objective: CanvasLoss | None = None) -> Tensor:
-        """Returns the expected loss over paintings of the strokes.
-
-        objective: None: the objective of the scene.
-        """
+        """Returns the expected loss over paintings of the strokes, by default for the objective of the scene."""
         judge = objective or self.objective
         if self.spread.share == 0:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
-
-    @property
-    def prices_strokes(self) -> bool:
-        """True if `stroke_cost` is not 0."""
-        return self.paint_price > 0 or self.brushwork is not None
 
     def stroke_cost(self, strokes: Strokes) -> Tensor:
         """Returns the price of the strokes' paint and of unwanted marks, as a share of the loss."""
@@ -122,8 +111,6 @@ def on_device(model: StrokeModel, device: torch.device) -> StrokeModel:
     return copy.deepcopy(model).to(device) if device.type != "cpu" and isinstance(model, nn.Module) else model
 
 
-# Protected region: parts that a person has painted, or wants to paint, stay untouched.
-
 _SEEN = 1 / 512  # coverage that changes no 8-bit pixel
 _INSISTENCE = 4.0
 _DIRECTIONS = 12
@@ -133,7 +120,7 @@ _STEPS = (0.01, 0.02, 0.035, 0.055, 0.08, 0.12)  # metres
 
 @dataclass(frozen=True)
 class Region:
-    """Protected part of a canvas, which no stroke may touch.
+    """Protected part of a canvas, such as a person has painted or wants to paint; no stroke may touch it.
 
     forbidden [H, W]: bool, True for protected pixels of a picture of the whole canvas.
     margin: distance in metres that strokes keep from it, because hands are less exact than plans.
@@ -150,9 +137,9 @@ class Region:
             raise ConfigError("All of the canvas is protected, so nothing can be painted; leave some of it free.")
 
     def on(self, grid: PixelGrid, *, widened: bool = True) -> Tensor:
-        """Returns the forbidden pixels [rows, columns], bool, on a grid.
+        """Returns the forbidden pixels [rows, columns], bool, on a grid: those of which a part is forbidden.
 
-        A pixel is forbidden if a part of it is. With `widen`, pixels within the margin are forbidden too.
+        widened: True if pixels within the margin are forbidden too.
         """
         picture = self.forbidden.float()[None, None]
         rows, columns = self.forbidden.shape
@@ -182,29 +169,20 @@ class Region:
 
             return guarded
 
-        validation = None if problem.validation is None else guard(problem.validation)
-        some = problem.objective_on_rows
-        on_rows = None if some is None else lambda rows: guard(some(rows), rows)
-        make = problem.sparing
-
-        def sparing() -> Sparing:
-            assert make is not None
-            made = make()
+        def guard_sparing(made: Sparing) -> Sparing:
             return replace(made, anew=guard(made.anew), between=guard(made.between))
 
+        some, make = problem.objective_on_rows, problem.sparing
         return replace(
             problem,
             objective=guard(problem.objective),
-            validation=validation,
-            objective_on_rows=on_rows,
-            sparing=None if make is None else sparing,
+            validation=None if problem.validation is None else guard(problem.validation),
+            objective_on_rows=None if some is None else lambda rows: guard(some(rows), rows),
+            sparing=None if make is None else lambda: guard_sparing(make()),
         )
 
     def find_touching(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
-        """Returns True for each stroke with a rendered pixel in the region, [n], each drawn alone.
-
-        rows: height of the picture in pixels.
-        """
+        """Returns True for each stroke with a rendered pixel in the region, [n], drawn alone in a picture of `rows`."""
         grid = PixelGrid.of_height(size, rows)
         forbidden = self.on(grid).to(strokes.color.device)
         white = strokes.color.new_ones(3, grid.rows, grid.columns)
@@ -224,26 +202,17 @@ class Region:
         A stroke that touches the region is moved, and shortened if necessary, to the nearest clear place. It is
         left out if there is no clear place near it.
         """
-        touched = self.find_touching(strokes, model, size, rows)
-        kept: list[Strokes] = []
-        numbers: list[int] = []
-        for index in range(len(strokes)):
-            stroke = strokes[index : index + 1]
-            if bool(touched[index]):
-                found = self._clear_place(stroke, model, size, rows)
-                if found is None:
-                    continue
-                stroke = found
-            kept.append(stroke)
-            numbers.append(index)
+        touched = self.find_touching(strokes, model, size, rows).tolist()
+        places = [
+            self._clear_place(stroke, model, size, rows) if touches else stroke
+            for stroke, touches in zip(strokes, touched, strict=True)
+        ]
+        kept = [place for place in places if place is not None]
+        numbers = [index for index, place in enumerate(places) if place is not None]
         return Strokes.join(*kept) if kept else strokes[:0], torch.tensor(numbers, dtype=torch.long)
 
     def clear(self, plan: Plan, models: Mapping[str, StrokeModel], rows: int, device: torch.device) -> Plan:
-        """Returns the plan with all its strokes clear of the region; strokes that cannot be moved are left out.
-
-        models: stroke models on the device, by brush name.
-        rows: height in pixels of the pictures in which strokes are tested.
-        """
+        """Returns the plan with all its strokes clear of the region (`keep_clear`); models are by kind of strokes."""
         found = []
         for part in plan.filled_layers():
             model = models[part.layers[0].kind]
@@ -262,19 +231,14 @@ class Region:
                 offsets = middle[0] + step * (around if step else around[:1] * 0)  # [d, 2]
                 candidates = Strokes.join(*(replace(shorter, position=shorter.position + by) for by in offsets))
                 candidates = candidates.project(model.limits, size)
-                outside = ~self._find_crossing(candidates, size, rows)
-                candidates = candidates[outside]
+                candidates = candidates[~self._find_crossing(candidates, size, rows)]
                 clear = (~self.find_touching(candidates, model, size, rows)).nonzero()
                 if len(clear):
-                    first = int(clear[0])
-                    return candidates[first : first + 1]
+                    return candidates[int(clear[0])]
         return None
 
     def _find_crossing(self, strokes: Strokes, size: CanvasSize, rows: int) -> Tensor:
-        """Returns True for each stroke whose path, without width, crosses the region, [n].
-
-        This is faster than rendering.
-        """
+        """Returns True for each stroke whose path, without width, crosses the region, [n]; faster than rendering."""
         grid = PixelGrid.of_height(size, rows)
         along = torch.linspace(0, 1, 9).to(strokes.length)
         pixel = grid.to_pixels(strokes.path(along)).round().long()  # [n, 9, 2]
@@ -294,12 +258,9 @@ def region_of(picture: Tensor, *, only_inside: bool) -> Region:
     return Region(~drawn if only_inside else drawn)
 
 
-# Scenes of a planner: one goal, one canvas size and the brushes, for any canvas picture and grid.
-
-
 @dataclass(frozen=True)
 class PlanningProblems:
-    """Factory of scenes for one goal and one canvas size.
+    """Factory of scenes for one goal, one canvas size and the brushes, for any canvas picture and grid.
 
     models: stroke models by the kind of strokes.
     objectives: objective of the goal on each grid.
@@ -329,14 +290,20 @@ class PlanningProblems:
             known = ", ".join(self.models)
             raise PlanError(f"The plan is for the brush {kind!r}, and here are {known}; name it in --brushes.")
         objective, model = objective or self.objectives[grid], self.models[kind]
-        picture = images.fit(canvas.to(self.device), grid.rows, grid.columns)
-        matters, way = self._importance(grid), self._brushwork(grid)
-        price = PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0
-        judge, some = objective.validation, objective.on_rows
-        floor = None if self.darkest is None else torch.tensor(self.darkest, device=self.device)
+        matters, brushwork = self.goal.initial_terms[0].importance, brushwork_of(self.goal, grid)
         problem = PlanningProblem(
-            picture, self.size, model, objective, judge, matters, way, price, some, objective.sparing, darkest=floor,
-        )  # fmt: skip
+            canvas=images.fit(canvas.to(self.device), grid.rows, grid.columns),
+            size=self.size,
+            model=model,
+            objective=objective,
+            validation=objective.validation,
+            importance=None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns),
+            brushwork=None if brushwork is None else brushwork.to(self.device),
+            paint_price=PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0,
+            objective_on_rows=objective.on_rows,
+            sparing=objective.sparing,
+            darkest=None if self.darkest is None else torch.tensor(self.darkest, device=self.device),
+        )
         return problem if self.region is None else self.region.guard(problem)
 
     def initial(self, canvas: Tensor, grid: PixelGrid, kind: str) -> PlanningProblem:
@@ -344,10 +311,7 @@ class PlanningProblems:
         return self.of(canvas, grid, kind, self.initial_objective)
 
     def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[PlanningProblem]]:
-        """Returns the strokes of each brush in turn, and a scene of the canvas for each.
-
-        One of each for an empty plan.
-        """
+        """Returns the strokes of each brush in turn, one for an empty plan, and a scene of the canvas for each."""
         runs = plan.by_kind() or [(plan.layers[0].kind, plan.strokes)]
         return [strokes.to(self.device) for _, strokes in runs], [self.of(canvas, grid, kind) for kind, _ in runs]
 
@@ -359,19 +323,8 @@ class PlanningProblems:
         guide = images.fit(picture.to(self.device), *problem.canvas.shape[1:])
         return guide if self.region is None else self.region.keep_forbidden(guide, problem.canvas, self.size)
 
-    def _brushwork(self, grid: PixelGrid) -> Tensor | None:
-        """Returns the wanted marks of strokes at each place."""
-        found = brushwork_of(self.goal, grid)
-        return None if found is None else found.to(self.device)
 
-    def _importance(self, grid: PixelGrid) -> Tensor | None:
-        """Returns the weight of errors at each place while strokes are placed."""
-        matters = self.goal.initial_terms[0].importance
-        return None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns)
-
-
-# Lack of memory: processors and libraries each report it in their own words.
-
+# Processors and libraries each report a lack of memory in their own words.
 _SAID = ("out of memory", "not enough memory", "can't allocate memory", "cannot allocate memory")
 
 

@@ -50,13 +50,7 @@ class Variables:
     a family has one more column for each code.
     """
 
-    def __init__(
-        self,
-        strokes: Strokes,
-        paints: Paints | None,
-        *,
-        vary_colors: bool,
-    ) -> None:
+    def __init__(self, strokes: Strokes, paints: Paints | None, *, vary_colors: bool) -> None:
         self._taught = None if strokes.taught is None else strokes.taught.detach()
         codes = 0 if self._taught is None else self._taught.code.shape[1]
         self._unit = strokes.angle.new_tensor((*_UNITS, *[_CODE_UNIT] * codes))
@@ -80,28 +74,21 @@ class Variables:
         if self._compiled:
             groups, taught = look(self.shape, self.color, self._unit, order, self.paint), None
         else:
-            groups, taught = self._plainly(order), self._coded(order)
+            groups, taught = self._plainly(order)
         return Strokes(**dict(zip(GROUPS, groups, strict=True)), taught=taught)
 
-    def _coded(self, order: Tensor | None) -> Taught | None:
-        """Returns the families and codes of the strokes in the given order."""
-        if self._taught is None:
-            return None
-        shape = self.shape if order is None else self.shape[order]
-        return replace(self._taught, code=shape[:, 6:] * _CODE_UNIT)  # all strokes belong to one family
-
-    def _plainly(self, order: Tensor | None) -> tuple[Tensor, ...]:
-        """Returns the fields of `Strokes` in the given order, by plain PyTorch.
-
-        These are position [n, 2], angle, length, bend, thickness [n] and color [n, 3].
-        """
+    def _plainly(self, order: Tensor | None) -> tuple[tuple[Tensor, ...], Taught | None]:
+        """Returns the fields of `Strokes` in the given order, by plain PyTorch, and their families and codes."""
         order = torch.arange(len(self.shape), device=self.shape.device) if order is None else order
         shape, color = self.shape[order], self.color * _COLOR_UNIT
+        # All strokes belong to one family.
+        taught = None if self._taught is None else replace(self._taught, code=shape[:, 6:] * _CODE_UNIT)
         x, y, angle, length, bend, thickness = (shape * self._unit).unbind(1)[:6]
         cos, sin = torch.cos(angle), torch.sin(angle)
         along, aside = self._middle(length, bend)
         start = torch.stack((x - cos * along + sin * aside, y - sin * along - cos * aside), -1)
-        return start, angle, length, bend, thickness, color[order if self.paint is None else self.paint[order]]
+        colored = color[order if self.paint is None else self.paint[order]]
+        return (start, angle, length, bend, thickness, colored), taught
 
     @property
     def _compiled(self) -> bool:
@@ -111,8 +98,7 @@ class Variables:
     def bring_inside(self, limits: StrokeLimits, size: CanvasSize, in_paint: Callable[[Tensor], Tensor]) -> None:
         """Replaces the strokes by the nearest ones that a machine can paint (`Strokes.project`).
 
-        Colours that may change become colours that paint can have.
-        in_paint: function that maps sRGB [..., 3] to the nearest colour that paint can have.
+        Colours that may change become colours that paint can have: `in_paint` maps sRGB [..., 3] to them.
         """
         with torch.no_grad():
             if self._compiled:

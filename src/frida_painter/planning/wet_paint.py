@@ -6,7 +6,7 @@ own, and each second takes the same amount away until the paint has set. Mixture
 (mixing/kubelka_munk.py), here in three bands. docs/lab/planning.md has the measurements.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -126,37 +126,19 @@ def learn_wet_paint(painted: Sequence[PaintedPart]) -> WetPaint | None:
     best, least = _TYPICAL, error(_TYPICAL)
     factor = _COARSE
     while factor >= _FINE:
-        better = min(((error(one), one) for one in _near(best, factor)), key=lambda each: each[0])
+        near = [
+            replace(best, **{name: value})
+            for name, (low, high) in WetPaint.BOUNDS.items()
+            for value in (getattr(best, name) * factor, getattr(best, name) * (1 / factor))
+            if low <= value <= high
+        ]
+        better = min(((error(one), one) for one in near), key=lambda each: each[0])
         if better[0] < least:
             least, best = better
         else:
             factor **= 0.5
     without = sum(float(off.square().mean()) for _, _, off in known)
     return best if least < (1 - _MIN_EXPLAINED) * without else None
-
-
-def _near(wet: WetPaint, factor: float) -> Iterator[WetPaint]:
-    """Yields the paints that differ in one number by a factor, within the bounds."""
-    for name, (low, high) in WetPaint.BOUNDS.items():
-        for by in (factor, 1 / factor):
-            value = getattr(wet, name) * by
-            if low <= value <= high:
-                yield replace(wet, **{name: value})
-
-
-def _way(strokes: Strokes, grid: PixelGrid) -> tuple[Tensor, Tensor]:
-    """Returns pixels of places along the paths [n, 17, 2], and the metres to each from the place before [n, 17]."""
-    path = grid.to_pixels(strokes.path(torch.linspace(0, 1, _ALONG).to(strokes.length)))
-    metres = path * path.new_tensor(grid.pitch)
-    return path, torch.cat((path.new_zeros(len(strokes), 1), (metres[:, 1:] - metres[:, :-1]).norm(dim=2)), 1)
-
-
-def _check_times(painted_at: Sequence[float], strokes: int) -> None:
-    """Raises PlanError if there is not one time for each stroke, or a time is before the one of the stroke before."""
-    if len(painted_at) != strokes or not all(before <= after for before, after in pairwise(painted_at)):
-        raise PlanError(
-            f"{len(painted_at)} times were given for {strokes} strokes; give one for each, in painting order."
-        )
 
 
 class PackedMarks(NamedTuple):
@@ -186,7 +168,10 @@ def pack_marks(strokes: Sequence[Strokes], problems: Sequence[PlanningProblem], 
     for part, problem in zip(strokes, problems, strict=True):
         small = replace(problem, canvas=problem.canvas.new_empty(3, grid.rows, grid.columns))
         with torch.no_grad():
-            magnitude, affine, path, way = (array(each.cpu()) for each in (*small.marks(part), *_way(part, grid)))
+            place = grid.to_pixels(part.path(torch.linspace(0, 1, _ALONG).to(part.length)))  # [n, 17, 2]
+            metres = place * place.new_tensor(grid.pitch)
+            step = torch.cat((place.new_zeros(len(part), 1), (metres[:, 1:] - metres[:, :-1]).norm(dim=2)), 1)
+            magnitude, affine, path, way = (array(each.cpu()) for each in (*small.marks(part), place, step))
         spans = find_spans(affine, painted_boxes(magnitude), grid.rows, grid.columns)
         most, begin = spans.pixels, np.empty(len(part) + 1, np.int64)
         pixels = np.empty(most, np.int32), np.empty(most, magnitude.dtype), np.empty(most, np.int8)
@@ -209,7 +194,10 @@ def lay_packed_marks(
     from frida_painter.planning import kernels
 
     begin, pixel, alpha, nearest, steps, color = marks
-    _check_times(painted_at, len(color))
+    if len(painted_at) != len(color) or not all(before <= after for before, after in pairwise(painted_at)):
+        raise PlanError(
+            f"{len(painted_at)} times were given for {len(color)} strokes; give one for each, in painting order."
+        )
     own = pigment_of(color.T).T.contiguous() if len(color) else color.new_empty(0, 6)
     change, amount, pigment = color.new_zeros(pixels, 3), color.new_zeros(pixels), color.new_ones(pixels, 6)
     times = np.array(painted_at, np.float64)
