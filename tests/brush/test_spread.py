@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter import tensor_file
-from frida_painter.brush.field import FORMAT, StrokeField, write_model
+from frida_painter.brush.field import StrokeField
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread, median_of, spread_of
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import StrokeTable, TableDetail
@@ -17,7 +17,7 @@ from frida_painter.errors import WeightsError
 from frida_painter_calibration.teaching.evaluation import likelihood
 from frida_painter_calibration.teaching.param2stroke import Param2Stroke
 from frida_painter_calibration.teaching.training import train_field
-from marks import SMALL, shapes, small_library
+from marks import SMALL, small_library
 
 
 @given(share=st.floats(0.0, 1.0), full=st.floats(0.5, 1.0), seed=st.integers(0, 2**31))
@@ -61,18 +61,6 @@ def test_a_spread_that_cannot_be_is_refused(tmp_path: Path, varies: tuple[float,
     tensor_file.write_tensors(path, {**tensors, "varies": torch.tensor(varies)}, about)
     with pytest.raises(WeightsError, match=r"out of range|not finite"):
         load_stroke_model(path)
-
-
-def test_weights_of_the_first_version_are_read_and_take_the_median_for_the_mean(tmp_path: Path) -> None:
-    model, path = StrokeField.fresh(SMALL, seed=3), tmp_path / "old.safetensors"
-    old = {name: part for name, part in model.state_dict().items() if name != "varies"}
-    old |= {name: old[name][:1] for name in ("layers.6.weight", "layers.6.bias")}
-    write_model(path, FORMAT, 1, model, old)
-    again = load_stroke_model(path)
-    assert isinstance(again, StrokeField)
-    assert spread_of(again) == CERTAIN
-    torch.testing.assert_close(again(*shapes(3)), again.median(*shapes(3)))
-    torch.testing.assert_close(again.median(*shapes(3)), model.median(*shapes(3)).detach())
 
 
 def test_the_field_learns_how_marks_vary_better_than_by_one_number_for_all_places() -> None:

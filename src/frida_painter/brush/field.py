@@ -12,7 +12,7 @@ typical stroke, with sharper edges. `spread` describes the variation.
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -41,8 +41,6 @@ _NOTHING = -20.0
 _CELLS_AT_ONCE = 2**18
 
 
-# Files of weights: tensors and metadata of a stroke model, checked when they are read
-
 _ABOUT = "stroke_model"
 _LARGEST_MAP = 4096
 _FARTHEST = 10.0
@@ -50,7 +48,7 @@ _FARTHEST = 10.0
 
 @dataclass(frozen=True)
 class ModelFile:
-    """Content of a file of weights.
+    """Content of a file of weights: tensors and metadata of a stroke model, checked when they are read.
 
     format: kind of the stroke model
     version: version of that format
@@ -72,9 +70,13 @@ class ModelFile:
     def read(cls, path: Path) -> "ModelFile":
         """Reads weights of any kind of stroke model. Raises WeightsError if they are missing, damaged or foreign."""
         tensors, metadata = tensor_file.read_tensors(path, "weights of a stroke model", WeightsError)
-        about = _about(metadata)
+        try:
+            about = json.loads(metadata.get(_ABOUT, ""))
+        except (ValueError, RecursionError):
+            about = None
+        about = about if isinstance(about, dict) else {}
         if not isinstance(about.get("format"), str) or not isinstance(about.get("version"), int):
-            raise WeightsError(_foreign(path))
+            raise _foreign(path)
         try:
             family = str(about.get("family", ""))
             return cls(path, about["format"], about["version"], str(about["brush"]), *_geometry(about), tensors, family)
@@ -84,7 +86,7 @@ class ModelFile:
     def require(self, format: str, version: int) -> None:
         """Raises WeightsError unless the file has that format and version."""
         if (self.format, self.version) != (format, version):
-            raise WeightsError(_foreign(self.path))
+            raise _foreign(self.path)
 
     def fill(self, model: nn.Module) -> None:
         """Loads the weights into a model and freezes it. Raises WeightsError if they do not fit."""
@@ -115,8 +117,8 @@ def write_model(path: Path, format: str, version: int, model: StrokeModel, tenso
     return tensor_file.write_tensors(path, tensors, {_ABOUT: json.dumps(about)})
 
 
-def _foreign(path: Path) -> str:
-    return (
+def _foreign(path: Path) -> WeightsError:
+    return WeightsError(
         f"{path} does not hold weights of a stroke model of this version; "
         "give a file that `frida-painter strokes train` wrote."
     )
@@ -127,15 +129,6 @@ def _misfit(path: Path, cause: Exception) -> WeightsError:
         f"{path} holds weights of a stroke model with a part missing, out of range or of the wrong shape "
         f"({str(cause).splitlines()[0]}); train them anew."
     )
-
-
-def _about(metadata: dict[str, str]) -> dict[str, Any]:
-    """Returns the metadata of a file of weights; empty if it cannot be read."""
-    try:
-        about = json.loads(metadata.get(_ABOUT, ""))
-    except (ValueError, RecursionError):
-        return {}
-    return about if isinstance(about, dict) else {}
 
 
 def _geometry(about: dict[str, Any]) -> tuple[MapFrame, StrokeLimits]:
@@ -154,9 +147,6 @@ def _geometry(about: dict[str, Any]) -> tuple[MapFrame, StrokeLimits]:
     if not (0 < rows <= _LARGEST_MAP and 0 < columns <= _LARGEST_MAP and rows * columns <= _LARGEST_MAP**2 // 16):
         raise ValueError(f"a map of {rows} x {columns} cells")
     return MapFrame(left, right, bottom, top, rows, columns), StrokeLimits((shortest, longest), (least, most))
-
-
-# The network
 
 
 @dataclass(frozen=True)
@@ -223,21 +213,13 @@ class StrokeField(nn.Module):
 
     def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits) -> None:
         super().__init__()
-        self.brush = brush
-        self.frame = frame
-        self.limits = limits
+        self.brush, self.frame, self.limits = brush, frame, limits
         self.unit = limits.length[1] / 5
         self.register_buffer("reach", torch.tensor(max(frame.top, frame.right)))
         self.register_buffer("varies", torch.tensor(CERTAIN))
-        self.layers = nn.Sequential(
-            nn.Linear(self.features, HIDDEN),
-            nn.SiLU(),
-            nn.Linear(HIDDEN, HIDDEN),
-            nn.SiLU(),
-            nn.Linear(HIDDEN, HIDDEN),
-            nn.SiLU(),
-            nn.Linear(HIDDEN, 2),
-        )
+        hidden = (nn.Linear(self.features, HIDDEN), nn.Linear(HIDDEN, HIDDEN), nn.Linear(HIDDEN, HIDDEN))
+        parts = [part for layer in hidden for part in (layer, nn.SiLU())]
+        self.layers = nn.Sequential(*parts, nn.Linear(HIDDEN, 2))
         with torch.no_grad():
             first, last = self.layers[0], self.layers[-1]
             first.weight.mul_(_SPREAD)  # type: ignore[operator]  # edges are sharp
@@ -256,19 +238,11 @@ class StrokeField(nn.Module):
         return CoverageSpread(*self.varies.tolist())
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """Returns mean magnitudes [n, rows, columns] in [0, 1].
-
-        thickness [n]: in [0, 1]
-        length [n], bend [n]: in metres
-        """
+        """Returns mean magnitudes [n, rows, columns] in [0, 1]; arguments as in `StrokeModel`."""
         return self._in_batches(thickness, length, bend, MEAN)
 
     def median(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
-        """Returns median magnitudes [n, rows, columns] in [0, 1].
-
-        thickness [n]: in [0, 1]
-        length [n], bend [n]: in metres
-        """
+        """Returns median magnitudes [n, rows, columns] in [0, 1]; arguments as in `StrokeModel`."""
         return self._in_batches(thickness, length, bend, MEDIAN)
 
     def _in_batches(self, thickness: Tensor, length: Tensor, bend: Tensor, which: int) -> Tensor:
@@ -306,10 +280,7 @@ class StrokeField(nn.Module):
 
     @torch.no_grad()
     def outside(self, length: Tensor, bend: Tensor) -> Tensor:
-        """Returns the distance of cells from the rectangle around the path in metres, negative inside.
-
-        Returns [n, rows x columns].
-        """
+        """Returns the distance of cells from the rectangle around the path, [n, rows x columns] m, negative inside."""
         x, y = self.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2).unbind(-1)
         belly = 0.75 * bend[:, None]
         across = torch.maximum(-x, x - length[:, None])
@@ -360,8 +331,6 @@ class StrokeField(nn.Module):
     @classmethod
     def restore(cls, file: ModelFile) -> Self:
         """Returns the model of a file of weights. Raises WeightsError if it is of another kind or does not fit."""
-        if file.version == 1:
-            file = _with_one_mark_for_both(file)
         file.require(FORMAT, VERSION)
         model = cls(file.brush, file.frame, file.limits)
         file.fill(model)
@@ -372,15 +341,6 @@ class StrokeField(nn.Module):
         if not 0 < float(model.reach) < math.inf:
             raise file.misfit(ValueError(f"a reach of {float(model.reach)} m"))
         return model
-
-
-def _with_one_mark_for_both(file: ModelFile) -> ModelFile:
-    """Converts a file of version 1, which has only the median: the median is used as the mean too."""
-    tensors = {**file.tensors, "varies": torch.tensor(CERTAIN)}
-    for name in ("layers.6.weight", "layers.6.bias"):
-        if name in tensors:
-            tensors[name] = torch.cat((tensors[name], tensors[name]))
-    return replace(file, version=VERSION, tensors=tensors)
 
 
 def _paths(length: Tensor, bend: Tensor) -> tuple[tuple[Tensor, Tensor], Tensor]:

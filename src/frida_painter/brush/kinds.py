@@ -17,8 +17,6 @@ from frida_painter.frames import MapFrame
 from frida_painter.stroke_family import StrokeFamily, describe_kind
 from frida_painter.strokes import StrokeLimits, Strokes
 
-# Amount that a brush paints with one dip
-
 _MAX = 1000
 _STAYS_FULL = 0.3  # share of the dip with full marks; later marks fade evenly
 
@@ -79,9 +77,6 @@ def painted_area(length: Tensor, thickness: Tensor, width: float) -> Tensor:
     return length * width * (0.25 + 0.75 * thickness)
 
 
-# Stroke models: from the shape of a stroke to its mark
-
-
 class StrokeModel(Protocol):
     """Differentiable map from (thickness, length, bend) to magnitude maps.
 
@@ -101,16 +96,13 @@ class StrokeModel(Protocol):
     """
 
     @property
-    def brush(self) -> str:
-        """Name of the brush."""
+    def brush(self) -> str: ...  # noqa: D102
 
     @property
-    def frame(self) -> MapFrame:
-        """Rectangle of a map around the start of its stroke."""
+    def frame(self) -> MapFrame: ...  # noqa: D102
 
     @property
-    def limits(self) -> StrokeLimits:
-        """Lengths and bends that the brush can paint."""
+    def limits(self) -> StrokeLimits: ...  # noqa: D102
 
     def __call__(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """Returns magnitudes [n, rows, columns] in [0, 1].
@@ -228,24 +220,20 @@ class BrushKind:
         splayed bristles and for a brush that trails behind its tip.
         """
         around = _AROUND * self.width
-        if self.limits.family is not None:
+        if (family := self.limits.family) is not None:
             # The frame of the smallest stroke is smaller, and its mark is not.
             least, most = self.limits.length
-            return _frame_of_family(self.limits.family, around * most / least)
+            around *= most / least
+            left, right, bottom, top = (most * side for side in family.extent)
+            left, right, bottom, top = left - around, right + around, bottom - around, top + around
+            pitch = max(right - left, top - bottom) / CELLS_ALONG
+            rows, columns = (4 * max(1, round(side / pitch / 4)) for side in (top - bottom, right - left))
+            return MapFrame(left, right, bottom, top, rows, columns)
         aside = 0.75 * max(abs(bend) for bend in self.limits.bend) + around
         left, right = -around, self.limits.length[1] + around
         pitch = (right - left) / CELLS_ALONG
         rows = 4 * round(2 * aside / pitch / 4)  # the network's upscaler needs whole coarse cells
         return MapFrame(left, right, -rows * pitch / 2, rows * pitch / 2, rows, CELLS_ALONG)
-
-
-def _frame_of_family(family: StrokeFamily, around: float) -> MapFrame:
-    """Returns the rectangle that holds all marks of a family, in nearly square cells; `around` is its margin."""
-    left, right, bottom, top = (family.size[1] * side for side in family.extent)
-    left, right, bottom, top = left - around, right + around, bottom - around, top + around
-    pitch = max(right - left, top - bottom) / CELLS_ALONG
-    rows, columns = (4 * max(1, round(side / pitch / 4)) for side in (top - bottom, right - left))
-    return MapFrame(left, right, bottom, top, rows, columns)
 
 
 def _kind(name: str, shortest: float, longest: float, bend: float, width: float, dip: float) -> BrushKind:
@@ -319,9 +307,6 @@ def brush_kind(name: str) -> BrushKind:
     return known[name].load(BrushModel).kind
 
 
-# Stroke model made of one function
-
-
 class StrokeFunction:
     """Stroke model that calls a function of (thickness, length, bend).
 
@@ -336,27 +321,12 @@ class StrokeFunction:
         self, kind: BrushKind, function: Callable[[Tensor, Tensor, Tensor], Tensor], frame: MapFrame | None = None
     ) -> None:
         self.kind, self.function = kind, function
-        self._frame = frame or kind.frame
-
-    @property
-    def brush(self) -> str:
-        """Name of the brush."""
-        return self.kind.name
-
-    @property
-    def frame(self) -> MapFrame:
-        """Rectangle of a map around the start of its stroke."""
-        return self._frame
-
-    @property
-    def limits(self) -> StrokeLimits:
-        """Lengths and bends that the brush can paint."""
-        return self.kind.limits
+        self.brush, self.frame, self.limits = kind.name, frame or kind.frame, kind.limits
 
     def __call__(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
         """Returns the function's maps [n, rows, columns]. Raises ConfigError if their shape or range is wrong."""
         maps = self.function(thickness, length, bend)
-        wanted = (len(length), self._frame.rows, self._frame.columns)
+        wanted = (len(length), self.frame.rows, self.frame.columns)
         if tuple(maps.shape) != wanted:
             raise ConfigError(
                 f"The stroke model of brush {self.brush!r} gave maps of shape {tuple(maps.shape)}; its function has to "
@@ -436,8 +406,6 @@ def spread_of(model: object) -> CoverageSpread:
     return getattr(model, "spread", CERTAIN)
 
 
-# Path of the brush's tip during one stroke
-
 END_THICKNESS = 0.2
 """Thickness in [0, 1] at the start and the end of a stroke."""
 _SAMPLES, _TAUGHT_SAMPLES = 513, 4097
@@ -469,17 +437,11 @@ def stroke_path(strokes: Strokes, index: int, step: float = 0.002) -> tuple[NDAr
     # Chords are slightly shorter than the curve, so the step is reduced a little to stay within the limit.
     count = max(2, math.ceil(1.002 * walked[-1] / step) + 1)
     even = np.interp(np.linspace(0, walked[-1], count), walked, fraction) if walked[-1] > 0 else np.array([0.0, 1.0])
-    return _points(stroke, even), _pressures(stroke, even)
-
-
-def _pressures(stroke: Strokes, fraction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the thickness [k] of one stroke at curve parameters [k]."""
     if stroke.taught is None:
-        return pressure(fraction, float(stroke.thickness))
+        return _points(stroke, even), pressure(even, float(stroke.thickness))
     (family,) = stroke.taught.families
-    along = torch.from_numpy(fraction)
-    share = family.trace(along, stroke.length.double(), stroke.taught.code.double())[1][0]
-    return np.asarray(share.detach().numpy() * float(stroke.thickness))
+    share = family.trace(torch.from_numpy(even), stroke.length.double(), stroke.taught.code.double())[1][0]
+    return _points(stroke, even), np.asarray(share.detach().numpy() * float(stroke.thickness))
 
 
 def _points(stroke: Strokes, fraction: NDArray[np.float64]) -> NDArray[np.float64]:

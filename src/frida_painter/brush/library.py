@@ -8,6 +8,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -24,11 +25,9 @@ if TYPE_CHECKING:
     from frida_painter.images import AnyPicture
     from frida_painter.palette import AnyColor
 
-# Faults of recorded strokes that exclude them from training
-
 
 class Flaw(IntEnum):
-    """Reason why a stroke of a library is dirty; files store the number.
+    """Reason why a stroke of a library is dirty and excluded from training; files store the number.
 
     EMPTY to ASTRAY are visible in the mark itself, MOVED to DISTURBED only in the photographs before cropping.
     """
@@ -67,13 +66,10 @@ _REASONS = {
 }
 
 
-# Conversion of magnitude maps between frames; the paint per area stays the same
-
-
 def resample(maps: Tensor, given: MapFrame, wanted: MapFrame) -> Tensor:
     """Converts maps [n, rows, columns] from the cells of `given` to those of `wanted`; zero outside `given`.
 
-    On each axis, larger cells get the mean over their area, smaller cells a linear interpolation.
+    The paint per area stays the same: larger cells get the mean over their area, smaller ones a linear interpolation.
     """
     columns = _shares(given.left, given.pitch[0], given.columns, wanted.left, wanted.pitch[0], wanted.columns)
     rows = _shares(-given.top, given.pitch[1], given.rows, -wanted.top, wanted.pitch[1], wanted.rows)
@@ -95,21 +91,17 @@ MAX_STROKES = 20_000
 MAX_BYTES = 2**31
 _KEYS = ("magnitude", "length_m", "bend_m", "thickness", "metres_per_pixel", "origin_px", "recorded_index")
 _OPTIONAL_KEYS = ("flaws", "since_dip", "code", "path_m")
+_TYPES = {
+    "magnitude": np.uint8, "flaws": np.uint8, "recorded_index": np.int32,
+    **dict.fromkeys(("length_m", "bend_m", "thickness", "since_dip", "code", "path_m"), np.float32),
+}  # fmt: skip
+_RANGES = {  # areas in m2, lengths in m
+    "flaws": (0, max(Flaw)), "since_dip": (0, 1), "length_m": (0, 1), "bend_m": (-1, 1), "thickness": (0, 1),
+}  # fmt: skip
 _DAMAGED = (
-    OSError,
-    EOFError,
-    ValueError,
-    TypeError,
-    KeyError,
-    SyntaxError,
-    RuntimeError,
-    MemoryError,
-    OverflowError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-
-
+    OSError, EOFError, ValueError, TypeError, KeyError, SyntaxError, RuntimeError, MemoryError, OverflowError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 _CUT_STROKES = Later("frida_painter_calibration.teaching.photographs:cut_strokes")
 
 
@@ -163,42 +155,28 @@ class StrokeLibrary:
             raise LibraryError(f"A stroke library has {n} strokes; it has at most {MAX_STROKES}.")
         if self.recorded_index.shape != (n,):
             raise LibraryError(f"A stroke library has {len(self.recorded_index)} recorded_index for {n} strokes.")
-        if self.flaws is not None and (self.flaws.shape != (n,) or not (self.flaws <= max(Flaw)).all()):
-            raise LibraryError(
-                f"A stroke library has flaws that are not {n} numbers from 0 to {max(Flaw):d}; "
-                "give a library that this version of `frida-painter strokes paint` wrote."
-            )
-        if self.since_dip is not None and not (
-            self.since_dip.shape == (n,) and ((self.since_dip >= 0) & (self.since_dip <= 1)).all()
-        ):
-            raise LibraryError(
-                f"A stroke library has since_dip that are not {n} areas from 0 to 1 m2; "
-                "give a library that `frida-painter strokes paint` wrote."
-            )
-        if (self.code is None) != (self.path_m is None) or (
-            self.code is not None
-            and self.path_m is not None
+        code, path = self.code, self.path_m
+        if (code is None) != (path is None) or (
+            code is not None
+            and path is not None
             and not (
-                self.code.ndim == 2
-                and self.path_m.ndim == 3
-                and len(self.code) == len(self.path_m) == n
-                and self.path_m.shape[1] >= 2
-                and self.path_m.shape[2] == 2
-                and (np.abs(self.code) <= 10).all()
-                and (np.abs(self.path_m) <= 1).all()
+                (code.ndim, path.ndim) == (2, 3)
+                and len(code) == len(path) == n
+                and path.shape[1] >= 2 == path.shape[2]
+                and (np.abs(code) <= 10).all()
+                and (np.abs(path) <= 1).all()
             )
         ):
             raise LibraryError(
                 f"A stroke library has codes and paths that are not those of {n} strokes of a family; "
                 "give a library that `frida-painter teach` wrote."
             )
-        ranges = {"length_m": (0.0, 1.0), "bend_m": (-1.0, 1.0), "thickness": (0.0, 1.0)}
-        for name, (least, most) in ranges.items():
+        for name, (least, most) in _RANGES.items():
             values = getattr(self, name)
-            if values.shape != (n,) or not ((values >= least) & (values <= most)).all():
+            if values is not None and (values.shape != (n,) or not ((values >= least) & (values <= most)).all()):
                 raise LibraryError(
                     f"A stroke library has {name} that are not {n} numbers from {least:g} to {most:g}; "
-                    "give a library that `frida-painter strokes paint` wrote."
+                    "give a library that this version of `frida-painter strokes paint` wrote."
                 )
         if not 1e-6 <= self.metres_per_pixel <= 0.1:
             raise LibraryError(
@@ -212,19 +190,8 @@ class StrokeLibrary:
 
     def __getitem__(self, index: NDArray[np.int64] | NDArray[np.bool_] | slice) -> "StrokeLibrary":
         """Returns some of the strokes."""
-        return StrokeLibrary(
-            self.magnitude[index],
-            self.length_m[index],
-            self.bend_m[index],
-            self.thickness[index],
-            self.metres_per_pixel,
-            self.origin_px,
-            self.recorded_index[index],
-            None if self.flaws is None else self.flaws[index],
-            None if self.since_dip is None else self.since_dip[index],
-            None if self.code is None else self.code[index],
-            None if self.path_m is None else self.path_m[index],
-        )
+        known = {name: getattr(self, name) for name in _TYPES}
+        return replace(self, **{name: part[index] for name, part in known.items() if part is not None})
 
     @property
     def frame(self) -> MapFrame:
@@ -240,7 +207,8 @@ class StrokeLibrary:
 
         Cells outside the crops are bare.
         """
-        return torch.cat([resample(torch.from_numpy(part).float() / 255, self.frame, frame) for part in self._parts()])
+        parts = np.array_split(self.magnitude, -(-len(self) // 32))
+        return torch.cat([resample(torch.from_numpy(part).float() / 255, self.frame, frame) for part in parts])
 
     def shapes(self) -> tuple[Tensor, Tensor, Tensor]:
         """Returns thickness, length and bend [n] of the strokes in float32, as inputs of a stroke model.
@@ -249,9 +217,6 @@ class StrokeLibrary:
         """
         shape = self.bend_m if self.code is None else self.code
         return tuple(torch.from_numpy(np.asarray(part)) for part in (self.thickness, self.length_m, shape))  # type: ignore[return-value]
-
-    def _parts(self) -> list[NDArray[np.uint8]]:
-        return np.array_split(self.magnitude, -(-len(self) // 32))
 
     @classmethod
     def from_photographs(
@@ -284,21 +249,12 @@ class StrokeLibrary:
 
     def save(self, path: str | Path) -> None:
         """Writes an .npz file atomically. Raises StorageError."""
-        path = Path(path)
-        known = {"flaws": self.flaws, "since_dip": self.since_dip, "code": self.code, "path_m": self.path_m}
-        optional: dict[str, Any] = {name: part for name, part in known.items() if part is not None}
-        with storage.replacing(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(
-                file,
-                magnitude=self.magnitude,
-                length_m=self.length_m,
-                bend_m=self.bend_m,
-                thickness=self.thickness,
-                metres_per_pixel=np.float64(self.metres_per_pixel),
-                origin_px=np.array(self.origin_px, np.float32),
-                recorded_index=self.recorded_index,
-                **optional,
-            )
+        scale: dict[str, Any] = {
+            "metres_per_pixel": np.float64(self.metres_per_pixel), "origin_px": np.array(self.origin_px, np.float32)
+        }  # fmt: skip
+        known = {name: scale.get(name, getattr(self, name)) for name in (*_KEYS, *_OPTIONAL_KEYS)}
+        with storage.replacing(Path(path)) as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, **{name: part for name, part in known.items() if part is not None})
 
     @classmethod
     def load(cls, path: str | Path) -> "StrokeLibrary":
@@ -314,20 +270,10 @@ class StrokeLibrary:
         row, column = (float(place) for place in arrays["origin_px"].ravel())
         if arrays["magnitude"].dtype != np.uint8:
             raise LibraryError(f"{path} is not a stroke library: its magnitude is not of kind uint8.")
+        parts: dict[str, Any] = {name: array.astype(_TYPES[name]) for name, array in arrays.items() if name in _TYPES}
         try:
-            return cls(
-                magnitude=arrays["magnitude"].astype(np.uint8),
-                length_m=arrays["length_m"].astype(np.float32),
-                bend_m=arrays["bend_m"].astype(np.float32),
-                thickness=arrays["thickness"].astype(np.float32),
-                metres_per_pixel=float(arrays["metres_per_pixel"].ravel()[0]),
-                origin_px=(row, column),
-                recorded_index=arrays["recorded_index"].astype(np.int32),
-                flaws=arrays["flaws"].astype(np.uint8) if "flaws" in arrays else None,
-                since_dip=arrays["since_dip"].astype(np.float32) if "since_dip" in arrays else None,
-                code=arrays["code"].astype(np.float32) if "code" in arrays else None,
-                path_m=arrays["path_m"].astype(np.float32) if "path_m" in arrays else None,
-            )
+            scale = float(arrays["metres_per_pixel"].ravel()[0])
+            return cls(**parts, metres_per_pixel=scale, origin_px=(row, column))
         except LibraryError as cause:
             raise LibraryError(f"{path}: {cause}") from cause
 
@@ -375,13 +321,8 @@ _ROUNDS = 20
 
 
 def judge(library: StrokeLibrary) -> NDArray[np.uint8]:
-    """Returns the `Flaw` of each stroke, [n].
-
-    The flaws stored in the library are used if there are any; otherwise the marks are judged.
-    """
-    if library.flaws is not None:
-        return library.flaws
-    return judge_marks(library)
+    """Returns the `Flaw` of each stroke, [n]: those stored in the library, or else those that its marks show."""
+    return judge_marks(library) if library.flaws is None else library.flaws
 
 
 def clean(library: StrokeLibrary) -> StrokeLibrary:
@@ -392,7 +333,9 @@ def clean(library: StrokeLibrary) -> StrokeLibrary:
 def judge_marks(library: StrokeLibrary) -> NDArray[np.uint8]:
     """Returns the `Flaw` of each stroke, [n], from the marks alone."""
     marks = [_Mark.of(library, index) for index in range(len(library))]
-    reach = _reach(marks)
+    extents = [mark.extent() for mark in marks if mark.paint.any()]
+    # Distance from its path in pixels within which paint counts as the stroke's own, with a margin.
+    reach = 1.6 * float(np.median(extents)) + 3 if extents else 3.0
     seen = [_Look.at(mark, reach) for mark in marks]
     own = np.array([look.own for look in seen])
     usual = float(np.median(own))
@@ -437,8 +380,6 @@ class _Mark:
             along, aside = library.path_m[index].astype(np.float64).T
         path = np.stack((column + along / pitch, row - aside / pitch), -1)
         bare = np.full(library.magnitude.shape[1:], 255, np.uint8)
-        import cv2  # loaded here because planners do not need it
-
         cv2.polylines(bare, [np.rint(16 * path).astype(np.int32)], False, 0, 1, cv2.LINE_8, 4)
         away = np.asarray(cv2.distanceTransform(bare, cv2.DIST_L2, 5), np.float32)
         return cls(library.magnitude[index].astype(np.float32) / 255, away, path, library.path_m is not None)
@@ -477,8 +418,6 @@ class _Look:
     def at(cls, mark: _Mark, reach: float) -> "_Look":
         near = mark.away <= reach
         # A patch of paint belongs to the stroke if any part of it is within reach of the path.
-        import cv2  # loaded here because planners do not need it
-
         _, patch = cv2.connectedComponents((mark.paint > _INKED / 2).astype(np.uint8), connectivity=8)
         belongs = np.isin(patch, np.unique(patch[near & (patch > 0)])) | near
         belongs &= mark.away <= 2 * reach  # excludes a neighbour that touches the stroke
@@ -504,8 +443,6 @@ class _Look:
     @classmethod
     def _along(cls, mark: _Mark, inked: NDArray[np.bool_], paint: NDArray[np.float32], own: float) -> "_Look":
         """Returns the measurements of a mark whose path turns: along the path, instead of column by column."""
-        import cv2  # loaded here because planners do not need it
-
         rows, columns = np.indices(paint.shape)
         weight = paint / max(own, 1e-6)
         way = float(np.linalg.norm(np.diff(mark.path, axis=0), axis=1).sum())
@@ -526,8 +463,6 @@ class _Look:
     def porous(self, radius: int) -> float:
         """Returns the share of the mark that is bare in spots smaller than `radius` pixels, as from a dry brush."""
         inked = self.inked.astype(np.uint8)
-        import cv2  # loaded here because planners do not need it
-
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1, 2 * radius + 1))
         closed = int(np.count_nonzero(cv2.morphologyEx(inked, cv2.MORPH_CLOSE, disc)))
         return 1 - int(np.count_nonzero(inked)) / closed if closed else 0.0
@@ -547,21 +482,12 @@ class _Look:
         return bare / painted
 
 
-def _reach(marks: list[_Mark]) -> float:
-    """Returns the distance from its path in pixels within which paint counts as the stroke's own, with a margin."""
-    extents = [mark.extent() for mark in marks if mark.paint.any()]
-    return 1.6 * float(np.median(extents)) + 3 if extents else 3.0
-
-
 def _expected_paint(library: StrokeLibrary, own: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns the usual paint of strokes of these shapes in this library, pixels [n]."""
     usual = float(np.median(own))
     if len(library) < _FEWEST_TO_COMPARE or usual == 0:
         return np.full(len(library), usual)
-    length, bend, press = library.length_m, np.abs(library.bend_m), library.thickness
-    terms = np.stack((np.ones_like(length), length, press, length * press, bend), 1).astype(np.float64)
-    weight = np.ones(len(library))
-    expected = np.full(len(library), usual)
+    terms, weight, expected = _terms(library), np.ones(len(library)), np.full(len(library), usual)
     for _ in range(_ROUNDS):  # least absolute deviations, by repeated weighted least squares
         root = np.sqrt(weight)[:, None]
         expected = terms @ np.linalg.lstsq(root * terms, root[:, 0] * own, rcond=None)[0]
@@ -579,8 +505,6 @@ def _astray(offset: NDArray[np.float64], own: NDArray[np.float64], width: float)
     far = np.abs(beside) > np.maximum(_MAX_ASTRAY * spread, 0.2 * width)
     return np.asarray(far.any(1))
 
-
-# Capacity of one dip and fading of marks, from a stroke library
 
 _FADED = 0.7  # of the paint of a full brush; important strokes are painted before
 _FEWEST = 12  # strokes of a full brush, and the same number of others
@@ -606,7 +530,9 @@ def estimate_dip(library: StrokeLibrary, width: float) -> Dip | None:
     full = usable & (library.since_dip == 0) & (judge(library) == Flaw.NONE)
     if full.sum() < _FEWEST or (usable & (library.since_dip > 0)).sum() < _FEWEST:
         return None
-    share = _paint(library) / _usual_paint(library, full)
+    paint, terms = library.magnitude.sum((1, 2), dtype=np.int64) / 255, _terms(library)
+    known = np.linalg.lstsq(terms[full], paint[full], rcond=None)[0]
+    share = paint / np.maximum(terms @ known, 0.1 * np.median(paint[full]))
     thickness, length, _ = library.shapes()
     until = library.since_dip + painted_area(length, thickness, width).double().numpy()
     order = np.argsort(until[usable])
@@ -619,18 +545,7 @@ def estimate_dip(library: StrokeLibrary, width: float) -> Dip | None:
     return Dip(float(ends[last]), fades=float(max(0.0, 1 - kept[last])))
 
 
-def _paint(library: StrokeLibrary) -> NDArray[np.float64]:
-    """Returns the paint of each mark in pixels of full paint, [n]."""
-    return library.magnitude.sum((1, 2), dtype=np.int64) / 255
-
-
-def _usual_paint(library: StrokeLibrary, full: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Returns the paint that a full brush leaves in strokes of these shapes, [n].
-
-    full [n]: True for strokes of a full brush
-    """
+def _terms(library: StrokeLibrary) -> NDArray[np.float64]:
+    """Returns the terms of the shapes of strokes in which their usual paint is linear, [n, 5]."""
     length, press, bend = library.length_m, library.thickness, np.abs(library.bend_m)
-    terms = np.stack((np.ones_like(length), length, press, length * press, bend), 1).astype(np.float64)
-    paint = _paint(library)
-    known = np.linalg.lstsq(terms[full], paint[full], rcond=None)[0]
-    return np.asarray(np.maximum(terms @ known, 0.1 * np.median(paint[full])))
+    return np.stack((np.ones_like(length), length, press, length * press, bend), 1).astype(np.float64)
