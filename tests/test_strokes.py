@@ -22,44 +22,29 @@ def wild_strokes(seed: int, count: int = 20) -> Strokes:
 
 def test_the_path_is_the_cubic_bezier_of_the_paper() -> None:
     length, bend = 0.06, 0.02
-    stroke = (
-        made_up_strokes(1)
-        .to(torch.float64)
-        .with_groups(
-            position=torch.zeros(1, 2).double(),
-            angle=torch.zeros(1).double(),
-            length=torch.tensor([length]).double(),
-            bend=torch.tensor([bend]).double(),
-        )
-    )
+    stroke = Strokes.from_array([[0, 0, 0, length, bend, 0.5, 0, 0, 0]]).to(torch.float64)
     control = torch.tensor([[0, 0], [length / 3, bend], [2 * length / 3, bend], [length, 0]], dtype=torch.float64)
     t = torch.linspace(0, 1, 11, dtype=torch.float64)
-    weights = torch.stack(((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3), -1)
-    assert torch.allclose(stroke.path(t)[0], weights @ control, atol=1e-12)
+    flat = torch.stack(((1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3), -1) @ control
+    assert torch.allclose(stroke.path(t)[0], flat, atol=1e-8)
     # Turned by a quarter to the left and moved: x along the canvas becomes y, and the bend goes left.
     turned = stroke.with_groups(
         angle=torch.tensor([math.pi / 2]).double(), position=torch.tensor([[0.1, 0.05]]).double()
     )
-    flat = weights @ control
     expected = torch.stack((0.1 - flat[:, 1], 0.05 + flat[:, 0]), -1)
-    assert torch.allclose(turned.path(t)[0], expected, atol=1e-12)
+    assert torch.allclose(turned.path(t)[0], expected, atol=1e-8)
 
 
 @given(SEEDS)
 def test_projecting_gives_strokes_that_may_be_painted_and_changes_them_no_more(seed: int) -> None:
-    projected = wild_strokes(seed).project(LIMITS, CANVAS)
+    wild = wild_strokes(seed)
+    projected = wild.project(LIMITS, CANVAS)
     projected.check(LIMITS, CANVAS)
     again = projected.project(LIMITS, CANVAS)
     for name in GROUPS:
         assert torch.allclose(getattr(again, name), getattr(projected, name), atol=1e-12), name
     corner = torch.tensor([CANVAS.width, CANVAS.height]).double()
     assert bool(((projected.extremes() >= -1e-9) & (projected.extremes() <= corner + 1e-9)).all())
-
-
-@given(SEEDS)
-def test_projecting_moves_a_stroke_but_does_not_turn_it(seed: int) -> None:
-    wild = wild_strokes(seed)
-    projected = wild.project(LIMITS, CANVAS)
     assert torch.equal(projected.angle, wild.angle)
     inside = wild.with_groups(length=projected.length, bend=projected.bend)
     moved = projected.extremes() - inside.extremes()
@@ -82,19 +67,15 @@ def test_no_stroke_is_longer_than_a_small_canvas() -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 7.0, -7.0])
-@pytest.mark.parametrize("name", ["position", "length", "bend", "thickness", "color"])
+@pytest.mark.parametrize("name", ["position", "length", "bend", "thickness", "color", "angle"])
 def test_a_stroke_outside_its_limits_is_named(name: str, value: float) -> None:
+    if name == "angle":
+        value *= 1e4
     strokes = made_up_strokes(5)
     changed = getattr(strokes, name).clone()
     changed[3] = value
     with pytest.raises(PlanError, match=r"^Stroke 3 has \w+ .*allowed is .* on a canvas of 300 x 200 mm"):
         strokes.with_groups(**{name: changed}).check(LIMITS, CANVAS)
-
-
-def test_an_angle_that_is_no_number_is_refused() -> None:
-    strokes = made_up_strokes(2)
-    with pytest.raises(PlanError, match="Stroke 1"):
-        strokes.with_groups(angle=torch.tensor([0.0, math.nan])).check(LIMITS, CANVAS)
 
 
 def test_no_strokes_are_strokes_too() -> None:

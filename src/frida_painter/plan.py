@@ -101,7 +101,7 @@ class Plan:
                 f"The layers of a plan have the paints {wells} of a palette of {len(self.palette)} in their wells; "
                 "each paint belongs to the wells of one or more layers that have them all."
             )
-        for number, (layer, where) in enumerate(zip(self.layers, self._slices, strict=True), 1):
+        for number, (layer, where) in enumerate(self._slices, 1):
             first, end = layer.paints
             if not bool(((self.paint[where] >= first) & (self.paint[where] < end)).all()):
                 raise PlanError(
@@ -167,39 +167,33 @@ class Plan:
             >>> bool((longer.strokes.length >= plan.strokes.length).all())
             True
         """
-        given = {
-            "position": position, "angle": angle, "length": length, "bend": bend, "thickness": thickness,
-            "color": color,
-        }  # fmt: skip
-        groups: dict[str, Any] = {name: self._edited(name, value) for name, value in given.items() if value is not None}
+        groups: dict[str, Any] = {}
+        for name, value in zip(GROUPS, (position, angle, length, bend, thickness, color), strict=True):
+            if value is None:
+                continue
+            before: Tensor = getattr(self.strokes, name)
+            try:
+                groups[name] = torch.as_tensor(value).detach().to(before).expand(before.shape).clone()
+            except (RuntimeError, TypeError, ValueError) as cause:
+                shape = tuple(getattr(value, "shape", ()))
+                raise PlanError(
+                    f"{name} was given in the shape {shape}; {len(self)} strokes need {tuple(before.shape)}."
+                ) from cause
+            if not bool(groups[name].isfinite().all()):
+                raise PlanError(f"{name} was given a number that is not finite; give finite numbers.")
         paints = self.palette if palette is None else palette if isinstance(palette, Palette) else Palette(palette)
         if len(paints) != len(self.palette):
             raise PlanError(f"A palette of {len(paints)} paints was given; this plan has {len(self.palette)}.")
         wanted = groups.pop("color", None)
         paint, strokes = self.paint.clone(), self.strokes.with_groups(**groups)
         found = []
-        for layer, where in zip(self.layers, self._slices, strict=True):
+        for layer, where in self._slices:
             first, end = layer.paints
             if wanted is not None and layer.strokes:
                 paint[where] = first + Palette(paints.color[first:end]).nearest(wanted[where])
             found.append(strokes[where].project(layer.limits, self.canvas))
         colored = Strokes.join(*found).with_groups(color=paints.color[paint].to(strokes.color))
         return replace(self, strokes=colored, palette=paints, paint=paint)
-
-    def _edited(self, name: str, value: ArrayLike | Tensor) -> Tensor:
-        """Returns new values of an array of the strokes. Raises PlanError."""
-        before: Tensor = getattr(self.strokes, name)
-        try:
-            given = torch.as_tensor(value).detach().to(before)
-            after = given.expand(before.shape).clone()
-        except (RuntimeError, TypeError, ValueError) as cause:
-            shape = tuple(getattr(value, "shape", ()))
-            raise PlanError(
-                f"{name} was given in the shape {shape}; {len(self)} strokes need {tuple(before.shape)}."
-            ) from cause
-        if not bool(after.isfinite().all()):
-            raise PlanError(f"{name} was given a number that is not finite; give finite numbers.")
-        return after
 
     @property
     def layer_sizes(self) -> tuple[int, ...]:
@@ -233,10 +227,7 @@ class Plan:
         return self.paint - firsts.to(self.paint)[self.layer]
 
     def layer_end(self, painted: int) -> int:
-        """Returns how many strokes are painted when the layer of the next stroke is complete.
-
-        painted: number of strokes that are painted now
-        """
+        """Returns how many strokes are painted when the layer of the next stroke is complete, of `painted` now."""
         return next((end for end in itertools.accumulate(self.layer_sizes) if end > painted), len(self))
 
     def wells(self, layer: Layer) -> Palette:
@@ -245,10 +236,9 @@ class Plan:
 
     def part(self, which: slice | list[int]) -> "Plan":
         """Returns a plan of only some of the strokes, in their order. It keeps all layers; a layer may become empty."""
-        counts = torch.bincount(self.layer[which], minlength=len(self.layers))
-        return replace(
-            self, strokes=self.strokes[which], paint=self.paint[which], layers=self._size_layers(counts.tolist())
-        )
+        counts = torch.bincount(self.layer[which], minlength=len(self.layers)).tolist()
+        layers = tuple(replace(layer, strokes=count) for layer, count in zip(self.layers, counts, strict=True))
+        return replace(self, strokes=self.strokes[which], paint=self.paint[which], layers=layers)
 
     def by_layer(self) -> list["Plan"]:
         """Returns one plan for each layer; its palette has only the paints in the wells of that layer."""
@@ -260,7 +250,7 @@ class Plan:
                 paint=self.paint[where] - layer.paints[0],
                 layers=(replace(layer, paints=(0, layer.paints[1] - layer.paints[0])),),
             )
-            for layer, where in zip(self.layers, self._slices, strict=True)
+            for layer, where in self._slices
         ]
 
     def by_kind(self) -> list[tuple[str, Strokes]]:
@@ -274,13 +264,13 @@ class Plan:
         Each of these plans has only the strokes, layers and paints of its filling.
         """
         found = []
-        for paints in sorted({layer.paints for layer in self.layers}):
-            number, layer = next(each for each in enumerate(self.layers, 1) if each[1].paints == paints)
-            ours = torch.tensor([each.paints == paints for each in self.layers])[self.layer]
-            part = self.part(ours.nonzero().flatten().tolist())
-            sizes = [replace(each, paints=(0, paints[1] - paints[0])) for each in part.layers if each.paints == paints]
-            wells = replace(part, palette=self.wells(layer), paint=part.paint - paints[0], layers=tuple(sizes))
-            found.append((number, wells))
+        for first, end in sorted({layer.paints for layer in self.layers}):
+            ours = [layer.paints == (first, end) for layer in self.layers]
+            part = self.part(torch.tensor(ours)[self.layer].nonzero().flatten().tolist())
+            layers = tuple(replace(each, paints=(0, end - first)) for each in itertools.compress(part.layers, ours))
+            palette = Palette(self.palette.color[first:end])
+            wells = replace(part, palette=palette, paint=part.paint - first, layers=layers)
+            found.append((ours.index(True) + 1, wells))
         return found
 
     def filled_layers(self) -> list["Plan"]:
@@ -321,28 +311,20 @@ class Plan:
         wells |= {layer.paints: part.palette.color for layer, part in zip(self.layers, parts, strict=True) if len(part)}
         ends = itertools.accumulate(len(wells[paints]) for paints in sorted(wells))
         paints = {old: (end - len(wells[old]), end) for old, end in zip(sorted(wells), ends, strict=True)}
-        counts = [(layer, len(part)) for layer, part in zip(self.layers, parts, strict=True)]
+        pairs = list(zip(self.layers, parts, strict=True))
         return replace(
             self,
             strokes=Strokes.join(*(part.strokes for part in parts)),
             palette=Palette(torch.cat([wells[old] for old in sorted(wells)])),
-            paint=torch.cat(
-                [part.paint + paints[layer.paints][0] for layer, part in zip(self.layers, parts, strict=True)]
-            ),
-            layers=tuple(replace(layer, strokes=count, paints=paints[layer.paints]) for layer, count in counts),
+            paint=torch.cat([part.paint + paints[layer.paints][0] for layer, part in pairs]),
+            layers=tuple(replace(layer, strokes=len(part), paints=paints[layer.paints]) for layer, part in pairs),
         )
 
     @property
-    def _slices(self) -> list[slice]:
-        """Range of the strokes of each layer."""
-        return [
-            slice(end - layer.strokes, end)
-            for layer, end in zip(self.layers, itertools.accumulate(self.layer_sizes), strict=True)
-        ]
-
-    def _size_layers(self, counts: Sequence[int]) -> tuple[Layer, ...]:
-        """Returns the layers with new numbers of strokes."""
-        return tuple(replace(layer, strokes=count) for layer, count in zip(self.layers, counts, strict=True))
+    def _slices(self) -> list[tuple[Layer, slice]]:
+        """Layers, each with the range of its strokes."""
+        ends = itertools.accumulate(self.layer_sizes)
+        return [(layer, slice(end - layer.strokes, end)) for layer, end in zip(self.layers, ends, strict=True)]
 
     def reorder(self, order: Tensor) -> "Plan":
         """Returns the same strokes in another order.
@@ -368,44 +350,35 @@ class Plan:
             raise PlanError(
                 f"A plan of {len(self.layers)} layers was to be followed by one of {len(rest.layers)}; give it as many."
             )
+        parts = []
+        for mine, more in zip(self.by_layer(), rest.by_layer(), strict=True):
+            begun, (layer,) = mine if len(mine) else more, mine.layers
+            layer = replace(layer, strokes=len(mine) + len(more), paints=begun.layers[0].paints)
+            strokes, paint = Strokes.join(mine.strokes, more.strokes), torch.cat([mine.paint, more.paint])
+            parts.append(replace(begun, strokes=strokes, paint=paint, layers=(layer,)))
         facts = dict(self.about) | dict(rest.about)
-        return replace(self, about=tuple(facts.items()))._of_layers(
-            [
-                replace(
-                    mine if len(mine) else more,
-                    strokes=Strokes.join(mine.strokes, more.strokes),
-                    paint=torch.cat([mine.paint, more.paint]),
-                    layers=(
-                        replace(
-                            mine.layers[0],
-                            strokes=len(mine) + len(more),
-                            paints=(mine if len(mine) else more).layers[0].paints,
-                        ),
-                    ),
-                )
-                for mine, more in zip(self.by_layer(), rest.by_layer(), strict=True)
-            ]
-        )
+        return replace(self, about=tuple(facts.items()))._of_layers(parts)
 
     @property
-    def _codes(self) -> dict[str, Tensor]:
-        """Families and codes of the strokes by name; empty for a plan without families."""
+    def _tensors(self) -> dict[str, Tensor]:
+        """All tensors by name. A plan without families has none of them and no codes."""
         taught = self.strokes.taught
-        return {} if taught is None else {"family": taught.number, "code": taught.code}
+        codes = {} if taught is None else {"family": taught.number, "code": taught.code}
+        return {**self.strokes.arrays(), **codes, "palette": self.palette.color, "paint": self.paint}
 
     @property
     def digest(self) -> str:
         """sha256 of all facts that decide how the painting looks."""
         first, counts = self.layers[0], self.layer_sizes
         alike = all(replace(layer, strokes=first.strokes) == first for layer in self.layers)
-        if alike and first.paints == (0, len(self.palette)):  # same digest as in versions 1 and 2
+        if alike and first.paints == (0, len(self.palette)):
             facts = (self.canvas, first.brush, first.limits, self.ground, *((counts,) if len(counts) > 1 else ()))
         else:
             facts = (self.canvas, self.layers, self.ground)
         content = hashlib.sha256(repr(facts).encode())
         for layer in self.layers if self.families else ():
             content.update(b"" if layer.limits.family is None else layer.limits.family.digest.encode())
-        for tensor in (*self.strokes.arrays().values(), *self._codes.values(), self.palette.color, self.paint):
+        for tensor in self._tensors.values():
             content.update(tensor.detach().cpu().contiguous().numpy().tobytes())
         return content.hexdigest()
 
@@ -415,11 +388,7 @@ class Plan:
         The JSON holds the name and the hash of the tensor file. The tensors of a plan that is replaced stay: copies of
         that plan may name them. Raises StorageError.
         """
-        path = Path(path)
-        tensors = {**self.strokes.arrays(), **self._codes}
-        tensors |= {"palette": self.palette.color, "paint": self.paint}
-        families = self.families
-        version = VERSION if families else _WITHOUT_FAMILIES
+        path, tensors, families = Path(path), self._tensors, self.families
         for number, family in enumerate(families):
             tensors |= {f"family_{number}_mean": family.mean, f"family_{number}_modes": family.modes}
         beside = path.with_name(f"{path.stem}-{self.digest[:12]}.safetensors")
@@ -428,7 +397,7 @@ class Plan:
             path,
             {
                 "format": "frida-painter plan",
-                "version": version,
+                "version": VERSION if families else _WITHOUT_FAMILIES,
                 "canvas_m": [self.canvas.width, self.canvas.height],
                 "strokes": len(self),
                 "layers": [
@@ -465,10 +434,10 @@ class Plan:
             raise PlanError(f"{path} is not a plan; give the plan.json of a painting.")
         if record.get("version") == _TILTED:
             raise PlanError(f"{path} is a plan in which the brush leans, and brushes are upright now; plan anew.")
-        if record.get("version") not in range(1, VERSION + 1):
+        if record.get("version") not in (_WITHOUT_FAMILIES, VERSION):
             raise PlanError(
-                f"{path} is a plan of version {record.get('version')!r}; this program reads versions up to {VERSION}; "
-                "update it."
+                f"{path} is a plan of version {record.get('version')!r}; this program reads versions "
+                f"{_WITHOUT_FAMILIES} and {VERSION}; update it, or plan anew."
             )
         try:
             beside = path.with_name(Path(record["tensors"]).name)
@@ -484,7 +453,7 @@ class Plan:
                 )
                 for number, entry in enumerate(record.get("families", ()))
             ]
-            layers = _layers(record, len(tensors["palette"]), families)
+            layers = _layers(record["layers"], families)
             taught = None
             if "code" in tensors:
                 used = dict.fromkeys(one.limits.family for one in layers if one.limits.family and one.strokes)
@@ -505,32 +474,16 @@ class Plan:
         return plan
 
 
-def _layers(record: dict[str, Any], paints: int, families: Sequence[StrokeFamily]) -> tuple[Layer, ...]:
-    """Returns the layers of a plan file. Raises ValueError if they are invalid.
-
-    families: stroke families of the file
-    Before version 3 all layers shared one brush and palette; before version 2 a plan had one layer.
-    """
-    entries: list[Any] = [record["strokes"]] if record["version"] == 1 else list(record["layers"])
-    if record["version"] < 3:
-        same = {**record["limits"], "brush": record["brush"], "paints": [0, paints]}
-        entries = [{**same, "strokes": count} for count in entries]
-    layers = tuple(
-        Layer(
-            entry["strokes"],
-            entry["brush"],
-            StrokeLimits(
-                tuple(entry["length_m"]),
-                tuple(entry["bend_m"]),
-                families[entry["family"]] if "family" in entry else None,
-            ),
-            tuple(entry["paints"]),
-        )
-        for entry in entries
-    )
+def _layers(entries: Sequence[dict[str, Any]], families: Sequence[StrokeFamily]) -> tuple[Layer, ...]:
+    """Returns the layers of a plan file with these stroke families. Raises ValueError if they are invalid."""
+    layers = []
+    for entry in entries:
+        family = families[entry["family"]] if "family" in entry else None
+        limits = StrokeLimits(tuple(entry["length_m"]), tuple(entry["bend_m"]), family)
+        layers.append(Layer(entry["strokes"], entry["brush"], limits, tuple(entry["paints"])))
     numbers = (number for layer in layers for number in (layer.strokes, *layer.paints))
     if not layers or any(type(number) is not int for number in numbers):
         raise ValueError(f"layers of {[layer.strokes for layer in layers]} strokes")
     if any(type(layer.brush) is not str or len(layer.paints) != 2 for layer in layers):
         raise ValueError("a layer without a brush or paints")
-    return layers
+    return tuple(layers)

@@ -1,6 +1,6 @@
 """Strokes of a plan as one struct of arrays, and the limits of a brush."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -145,9 +145,8 @@ class Strokes:
                 f"Strokes were given as an array of shape {rows.shape}; it is [n, {len(COLUMNS)}] finite numbers: "
                 f"{', '.join(COLUMNS)}."
             )
-        parts = torch.split(torch.from_numpy(rows), list(_SIZES.values()), 1)
-        position, angle, length, bend, thickness, color = parts
-        return cls(position, angle[:, 0], length[:, 0], bend[:, 0], thickness[:, 0], color)
+        columns = torch.from_numpy(rows)
+        return cls(columns[:, :2], *columns[:, 2:6].unbind(1), columns[:, 6:])
 
     def to_frame(self) -> Any:
         """Returns the strokes as a pandas table with the columns `COLUMNS`; families and codes follow, if any.
@@ -167,9 +166,8 @@ class Strokes:
     @classmethod
     def empty(cls, *, dtype: torch.dtype = torch.float32, device: torch.device | str = "cpu") -> Self:
         """Returns zero strokes."""
-        shapes = {"position": (0, 2), "color": (0, 3)}
-        groups = {name: torch.zeros(shapes.get(name, (0,)), dtype=dtype, device=device) for name in GROUPS}
-        return cls(**groups, taught=None)
+        nothing = torch.zeros(0, dtype=dtype, device=device)
+        return cls(nothing[:, None].expand(0, 2), *4 * (nothing,), nothing[:, None].expand(0, 3))
 
     @classmethod
     def join(cls, *parts: Self) -> Self:
@@ -188,14 +186,16 @@ class Strokes:
 
     def to(self, target: torch.dtype | torch.device | str) -> Self:
         """Returns the strokes in another precision or on another device."""
-        taught = None if self.taught is None else self.taught.to(target)
-        groups = {name: tensor.to(target) for name, tensor in self.arrays().items()}
-        return replace(self, **groups, taught=taught)
+        return self._each(lambda tensors: tensors.to(target))
 
     def detach(self) -> Self:
         """Returns the strokes without their autograd graph."""
-        taught = None if self.taught is None else self.taught.detach()
-        return replace(self, **{name: tensor.detach() for name, tensor in self.arrays().items()}, taught=taught)
+        return self._each(lambda tensors: tensors.detach())
+
+    def _each(self, change: Callable[[Any], Any]) -> Self:
+        """Returns the strokes with `change` made to each array and to what was taught."""
+        parts = {**self.arrays(), "taught": self.taught}
+        return replace(self, **{name: part if part is None else change(part) for name, part in parts.items()})
 
     def path(self, fraction: Tensor) -> Tensor:
         """Returns points on the path of each stroke.
@@ -209,31 +209,22 @@ class Strokes:
         """Returns points on each stroke at its own curve parameters [n, t]: [n, t, 2] in metres."""
         along = fraction * self.length[:, None]  # [n, t]; the x of the Bezier is linear in its parameter
         aside = 3 * fraction * (1 - fraction) * self.bend[:, None]  # [n, t]
-        if self.taught is not None:
-            along, aside = self._trace(fraction, along, aside)
+        for family, which in () if self.taught is None else self.taught.groups():
+            place, _ = family.trace(fraction[which], self.length[which], self.shape[which])
+            along = along.index_copy(0, which, place[..., 0].to(along))
+            aside = aside.index_copy(0, which, place[..., 1].to(aside))
         cos, sin = torch.cos(self.angle)[:, None], torch.sin(self.angle)[:, None]
         x = self.position[:, 0:1] + cos * along - sin * aside
         y = self.position[:, 1:2] + sin * along + cos * aside
         return torch.stack((x, y), -1)
-
-    def _trace(self, fraction: Tensor, along: Tensor, aside: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns `along` and `aside` [n, t] with those of taught strokes replaced, at curve parameters [n, t]."""
-        assert self.taught is not None
-        for family, which in self.taught.groups():
-            place, _ = family.trace(fraction[which], self.length[which], self.taught.code[which])
-            along = along.index_copy(0, which, place[..., 0].to(along))
-            aside = aside.index_copy(0, which, place[..., 1].to(aside))
-        return along, aside
 
     def way(self) -> Tensor:
         """Returns the length of each stroke on the canvas: [n] in metres.
 
         It is the length between the ends of a brush's own stroke, and that of the whole path of a taught stroke.
         """
-        if self.taught is None:
-            return self.length
         way = self.length
-        for family, which in self.taught.groups():
+        for family, which in () if self.taught is None else self.taught.groups():
             way = way.index_copy(0, which, self.length[which] * family.way)
         return way
 
@@ -263,15 +254,12 @@ class Strokes:
         """
         size = CanvasSize.of(size)
         limits = limits.within(size)
-        inside = replace(
-            self,
+        inside = self.with_groups(
             length=self.length.clamp(*limits.length),
             bend=self.bend.clamp(*limits.bend),
             thickness=self.thickness.clamp(0, 1),
             color=self.color.clamp(0, 1),
-            taught=None
-            if self.taught is None
-            else replace(self.taught, code=self.taught.code.clamp(-CODE_REACH, CODE_REACH)),
+            taught=self.taught and replace(self.taught, code=self.taught.code.clamp(-CODE_REACH, CODE_REACH)),
         )
         extent = inside.extremes()  # [n, 4, 2]
         least, most = extent.amin(1), extent.amax(1)
@@ -288,16 +276,14 @@ class Strokes:
             names = ", ".join(family.name for family in families) or "none"
             wanted = "none" if limits.family is None else limits.family.name
             raise PlanError(f"Strokes of the families {names} are in a layer of the family {wanted}; plan anew.")
+        x, y = self.extremes().unbind(-1)
         ranges = {
-            "length": (self.length, *limits.length),
-            "bend": (self.bend, *limits.bend),
-            "thickness": (self.thickness, 0.0, 1.0),
-            "color": (self.color, 0.0, 1.0),
-            "x": (self.extremes()[..., 0], 0.0, size.width),
-            "y": (self.extremes()[..., 1], 0.0, size.height),
-            "angle": (self.angle, -1e4, 1e4),
-            **({} if self.taught is None else {"code": (self.taught.code, -CODE_REACH, CODE_REACH)}),
-        }
+            "length": (self.length, *limits.length), "bend": (self.bend, *limits.bend),
+            "thickness": (self.thickness, 0.0, 1.0), "color": (self.color, 0.0, 1.0),
+            "x": (x, 0.0, size.width), "y": (y, 0.0, size.height), "angle": (self.angle, -1e4, 1e4),
+        }  # fmt: skip
+        if self.taught is not None:
+            ranges["code"] = self.taught.code, -CODE_REACH, CODE_REACH
         for name, (values, least, most) in ranges.items():
             allowed = (values >= least - _TOLERANCE) & (values <= most + _TOLERANCE)
             allowed = allowed[..., None].flatten(1).all(1)
