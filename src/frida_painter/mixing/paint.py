@@ -155,7 +155,7 @@ class Paint:
         the pure colour fits: its strength, its slope towards red or blue, and its dependence on the absorption.
         Raises ConfigError if the tint cannot belong to that colour.
         """
-        white, tinted = _white(), ratio(reflectance_of(tint))
+        tinted = ratio(reflectance_of(tint))
         axis = torch.linspace(-1, 1, len(tinted), dtype=tinted.dtype)
         strength = torch.logspace(*_STRENGTHS, dtype=tinted.dtype)[:, None, None, None]
         lean = torch.tensor(_LEANS, dtype=tinted.dtype)[:, None, None]
@@ -163,7 +163,7 @@ class Paint:
         plain = scattering = (strength * (lean * axis).exp()).expand(-1, -1, len(_FOLLOWS), -1)  # [s, l, f, 16]
 
         def absorption() -> Tensor:
-            return (tinted * (scattering + parts) - parts * white.absorption).clamp(min=_MIN_ABSORPTION)
+            return (tinted * (scattering + parts) - parts * _WHITE_ABSORPTION).clamp(min=_MIN_ABSORPTION)
 
         for _ in range(_PAINT_ROUNDS):
             share = absorption() / absorption().amax(-1, keepdim=True)
@@ -185,8 +185,7 @@ class Paint:
         """Returns a paint from films of equal thickness over a white and a black ground.
 
         over_white, over_black: sRGB [3]
-        The scattering is for the film, not yet relative to white: see `against`. Raises ConfigError if the film
-        is lighter over black.
+        The numbers are for the film, not yet relative to white. Raises ConfigError if the film is lighter over black.
         """
         if not bool((over_black <= over_white + _NOISE).all()):
             raise ConfigError("it is lighter over black than over white; give over_white and over_black of one film")
@@ -194,10 +193,6 @@ class Paint:
         black = torch.minimum(reflectance_of(over_black), white)
         absorption, scattering = film_over(white, black, torch.full_like(white, _WHITE_CARD))
         return cls(name, absorption, scattering, PaintDataSource.films)
-
-    def against(self, scattering: float) -> Self:
-        """Returns the paint relative to a white whose film scatters `scattering`."""
-        return type(self)(self.name, self.absorption / scattering, self.scattering / scattering, self.source)
 
 
 def published_names() -> tuple[str, ...]:
@@ -213,16 +208,11 @@ def find_acrylic(name: str) -> Paint:
     database of artist paint materials" (Rochester Institute of Technology, 2005), with the data of
     github.com/feeneyko/km-web.
     """
-    if name == WHITE:
-        return _white()
+    if name == WHITE:  # hardly absorbs; other paints are relative to its scattering
+        scattering = torch.ones(len(BANDS), dtype=torch.float64)
+        return Paint(WHITE, _WHITE_ABSORPTION * scattering, scattering, PaintDataSource.published)
     color, tint = (from_hex(text).double() for text in _colors()[name])
     return replace(Paint.of_tint(name, color, tint, _TINT), source=PaintDataSource.published)
-
-
-def _white() -> Paint:
-    """Returns titanium white, which hardly absorbs; other paints are relative to its scattering."""
-    scattering = torch.ones(len(BANDS), dtype=torch.float64)
-    return Paint(WHITE, _WHITE_ABSORPTION * scattering, scattering, PaintDataSource.published)
 
 
 def _colors() -> dict[str, tuple[str, str]]:
@@ -238,7 +228,9 @@ MAX_PAINTS = 32
 SIX = ("titanium white", "hansa yellow", "pyrrole red", "quinacridone magenta", "phthalo blue", "carbon black")
 """Names of the published paints that are used by default."""
 _MAX_BYTES = 2**18
-_ENTRIES = ("name", "color", "tint", "white", "over_white", "over_black")
+_COLORS = ("color", "tint", "over_white", "over_black")
+_ENTRIES = ("name", *_COLORS[:2], "white", *_COLORS[2:])
+_MEASURED = (("color",), ("color", "tint", "white"), ("over_white", "over_black"))  # entries that tell a paint
 _ADVICE = "docs/how-to/mix.md shows such a file"
 
 
@@ -285,9 +277,11 @@ def read_paints(path: Path) -> tuple[tuple[Paint, ...], Finish, str]:
         faults.append(f"its mixer is {str(mixer)[:20]!r}, and it is a name")
     if faults:
         raise ConfigError(f"{path} is no file of paints: {'; '.join(faults)}; {_ADVICE}.")
-    unit = 1.0 if white is None else float(white.scattering.mean())
-    found = (paint.against(unit) if paint.source is PaintDataSource.films else paint for paint in paints)
-    return tuple(found), Finish(finish), mixer
+    for at, paint in enumerate(paints):
+        if white is not None and paint.source is PaintDataSource.films:
+            unit = float(white.scattering.mean())
+            paints[at] = replace(paint, absorption=paint.absorption / unit, scattering=paint.scattering / unit)
+    return tuple(paints), Finish(finish), mixer
 
 
 def _faults(number: int, entry: Any) -> Iterator[str]:
@@ -302,7 +296,7 @@ def _faults(number: int, entry: Any) -> Iterator[str]:
     for key in entry:
         if key not in _ENTRIES:
             yield f"{name} has {key[:40]!r}, which is not known; there are {', '.join(_ENTRIES)}"
-    for key in ("color", "tint", "over_white", "over_black"):
+    for key in _COLORS:
         if key in entry:
             try:
                 from_hex(entry[key])
@@ -311,22 +305,16 @@ def _faults(number: int, entry: Any) -> Iterator[str]:
     parts = entry.get("white", 1)
     if isinstance(parts, bool) or not isinstance(parts, int | float) or not 0.1 <= parts <= 1000 or math.isnan(parts):
         yield f"{name}: white is {str(parts)[:20]}; it is how many parts of white the tint has, from 0.1 to 1000"
-    given = {key for key in _ENTRIES if key in entry}
-    if given == {"name"} and name.lower() not in published_names():
+    given = tuple(key for key in _ENTRIES[1:] if key in entry)
+    if not given and name.lower() not in published_names():
         yield f"{name} is not one of the published paints ({', '.join(published_names())}); give its color"
-    if given != {"name"} and given not in (
-        {"name", "color"},
-        {"name", "color", "tint", "white"},
-        {"name", "over_white", "over_black"},
-    ):
+    if given and given not in _MEASURED:
         yield f"{name} needs a color, or color, tint and white, or over_white and over_black"
 
 
 def _paint(entry: dict[str, Any]) -> Paint:
     name = entry["name"].strip()
-    colors = {
-        key: from_hex(entry[key]).double() for key in ("color", "tint", "over_white", "over_black") if key in entry
-    }
+    colors = {key: from_hex(entry[key]).double() for key in _COLORS if key in entry}
     if "tint" in entry:
         return Paint.of_tint(name, colors["color"], colors["tint"], float(entry["white"]))
     if "color" in entry:

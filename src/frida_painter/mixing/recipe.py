@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
 from pathlib import Path
 from typing import Self
 
@@ -152,20 +151,17 @@ class PaintSet:
                 f"{len(self.paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most "
                 "1 to 4."
             )
-        ready = _Mixer(self, min(most, len(self.paints)))
-        return [_recipe(color.double(), ready) for color in colors]
-
-
-def _recipe(color: Tensor, mixer: "_Mixer") -> Recipe:
-    """Returns the best recipe in many parts, or in few parts if the difference is hardly visible."""
-    best = _Search(color, mixer, MAX_PARTS).best()
-    if not best.within_reach:
-        traces = _Search(color, mixer, PARTS_WITH_TRACES).best()
-        return traces if traces.within_reach else best
-    if best.whole <= EASY_PARTS:
-        return best
-    easy = _Search(color, mixer, EASY_PARTS).best()
-    return easy if easy.difference <= max(best.difference + _WORTH_COUNTING, _UNSEEN) else best
+        mixer, found = _Mixer(self, min(most, len(self.paints))), []
+        for color in colors.double():
+            best = _Search(color, mixer, MAX_PARTS).best()
+            if not best.within_reach:
+                traces = _Search(color, mixer, PARTS_WITH_TRACES).best()
+                best = traces if traces.within_reach else best
+            elif best.whole > EASY_PARTS:
+                easy = _Search(color, mixer, EASY_PARTS).best()
+                best = easy if easy.difference <= max(best.difference + _WORTH_COUNTING, _UNSEEN) else best
+            found.append(best)
+        return found
 
 
 class _Mixer:
@@ -227,9 +223,8 @@ class _Search:
             seeds = torch.cat((seeds[: _SEEDS // 2], self._nearest(extended)[: _SEEDS // 2]))
         found = self._refine([tuple(map(int, seed)) for seed in seeds.tolist()])
         color = mixer.colors(torch.tensor([found], dtype=torch.float64))[0]
-        used = sorted(
-            ((paint, count) for paint, count in zip(mixer.paints, found, strict=True) if count), key=_most_first
-        )
+        used = [(paint, count) for paint, count in zip(mixer.paints, found, strict=True) if count]
+        used.sort(key=lambda part: (-part[1], part[0].name))
         lab = to_lab(color)
         off, missed = (float(ciede2000(lab, wanted)) for wanted in (to_lab(self._target), self._lab))
         return Recipe(self._target, tuple(used), color, off, missed)
@@ -270,9 +265,8 @@ class _Search:
             around = [_neighbours(here) for here in ways]
             every = self._cost(torch.tensor(list(itertools.chain(*around)), dtype=torch.float64))
             onwards = {}
-            for (here, cost), there, theirs in zip(
-                ways.items(), around, torch.split(every, [len(some) for some in around]), strict=True
-            ):
+            shares = torch.split(every, list(map(len, around)))
+            for (here, cost), there, theirs in zip(ways.items(), around, shares, strict=True):
                 best = int(theirs.argmin())
                 if not float(theirs[best]) < cost - 1e-9:
                     ends[here] = cost
@@ -305,11 +299,11 @@ def _neighbours(parts: tuple[int, ...]) -> list[tuple[int, ...]]:
         for one, other in itertools.combinations(used, 2)
         for first, second in itertools.product(_near(parts[one])[:2], _near(parts[other])[:2])
     ]
-    scaled = [tuple(factor * count for count in parts) for factor in (2, 3)]
     changed = [tuple(change.get(index, count) for index, count in enumerate(parts)) for change in changes]
-    return [_lowest(one) for one in changed if sum(one)] + [
-        tuple(count + (index == more) * sign for index, count in enumerate(one))
-        for one in scaled
+    lowest = [tuple(count // math.gcd(*one) for count in one) for one in changed if sum(one)]
+    return lowest + [
+        tuple(factor * count + (index == more) * sign for index, count in enumerate(parts))
+        for factor in (2, 3)
         for more in used
         for sign in (-1, 1)
     ]
@@ -318,15 +312,6 @@ def _neighbours(parts: tuple[int, ...]) -> list[tuple[int, ...]]:
 def _near(count: int) -> list[int]:
     """Returns parts that may replace `count`, nearest first."""
     return [count + 1, count - 1, *(other for other in (2 * count, count // 2, count + 3, count - 3) if other >= 0)]
-
-
-def _lowest(parts: tuple[int, ...]) -> tuple[int, ...]:
-    divisor = reduce(math.gcd, parts) or 1
-    return tuple(count // divisor for count in parts)
-
-
-def _most_first(used: tuple[Paint, int]) -> tuple[int, str]:
-    return -used[1], used[0].name
 
 
 # Amount of each paint in a plan, so that paint does not run out

@@ -47,7 +47,7 @@ def whole_maps(magnitude: Array) -> Array:
 
 
 def painted_boxes(magnitude: Array) -> Array:
-    """Returns the smallest boxes that hold all nonzero cells: [n, 4] (top, bottom, left, right)."""
+    """Returns the smallest boxes that hold all nonzero cells, as `whole_maps`."""
     boxes = np.zeros((len(magnitude), 4), np.int64)
     _find_boxes(magnitude, boxes)
     return boxes
@@ -163,17 +163,6 @@ def _clip(least, most, slope, shift, low, high):  # type: ignore[no-untyped-def]
         return 0.0, -1.0
     one_end, other_end = (low - shift) / slope, (high - shift) / slope
     return max(least, min(one_end, other_end)), min(most, max(one_end, other_end))
-
-
-def _types_of_spans():  # type: ignore[no-untyped-def]
-    """Returns the loops of spans with their argument types for plans in float32; see compiled.py."""
-    places, boxes, index = float32[:, :, ::1], int64[:, ::1], int64[::1]
-    rows = (float64[::1], index, index)
-    return (
-        (_find_boxes, (places, boxes)),
-        (_find_rows, (places, boxes, int64, int64, *rows)),
-        (_find_columns, (places, boxes, int64, *rows, index, int32[::1], index)),
-    )
 
 
 def spans_type() -> Any:
@@ -397,18 +386,6 @@ def scatter_to_strokes(begin, end, affine, boxes, columns, spans, sampled, slope
                     line[column] = middle[column]
 
 
-def _types_of_strokes():  # type: ignore[no-untyped-def]
-    """Returns the loops of strokes with their argument types for plans in float32; see compiled.py."""
-    line, table, maps, boxes, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], int64[:, ::1], spans_type()
-    some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
-    return (
-        (sample, (*some, maps, maps, boxes, line, spans, int64, table)),
-        (blend, (*some, pair, spans, int64, line, table, maps)),
-        (pull_through, (*some, spans, line, table, maps, maps, table, line, maps)),
-        (scatter_to_strokes, (*some, maps, boxes, line, spans, table, line, maps, maps)),
-    )
-
-
 # Strokes of uncertain coverage: mean and variance of each pixel, and their gradients
 #
 # docs/explanation/renderer.md derives the recurrences. `share` and `full` are those of `CoverageSpread`.
@@ -525,17 +502,20 @@ def pull_through_moments(  # type: ignore[no-untyped-def]
                     to_variance[y, x] *= keeps * keeps + doubt
 
 
-def _types_of_moments():  # type: ignore[no-untyped-def]
-    """Returns the loops of moments with their argument types for plans in float32; see compiled.py."""
-    line, table, maps, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], spans_type()
-    some, pair = (int64, int64), types.UniTuple(int64, 2)  # type: ignore[no-untyped-call]
-    spread = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
+def argument_types():  # type: ignore[no-untyped-def]
+    """Returns all loops with their argument types for plans in float32; see compiled.py."""
+    line, table, maps, boxes, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], int64[:, ::1], spans_type()
+    index, some = int64[::1], (int64, int64)
+    rows = float64[::1], index, index
+    pair, spread = types.UniTuple(int64, 2), types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
     return (
+        (_find_boxes, (maps, boxes)),
+        (_find_rows, (maps, boxes, int64, int64, *rows)),
+        (_find_columns, (maps, boxes, int64, *rows, index, int32[::1], index)),
+        (sample, (*some, maps, maps, boxes, line, spans, int64, table)),
+        (blend, (*some, pair, spans, int64, line, table, maps)),
+        (pull_through, (*some, spans, line, table, maps, maps, table, line, maps)),
+        (scatter_to_strokes, (*some, maps, boxes, line, spans, table, line, maps, maps)),
         (blend_moments, (*some, pair, spans, int64, line, table, spread, maps, table)),
         (pull_through_moments, (*some, spans, line, table, spread, maps, table, maps, table, line, maps)),
     )
-
-
-def argument_types():  # type: ignore[no-untyped-def]
-    """Returns all loops with their argument types for plans in float32; see compiled.py."""
-    return (*_types_of_spans(), *_types_of_strokes(), *_types_of_moments())  # type: ignore[no-untyped-call]

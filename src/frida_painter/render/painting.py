@@ -59,10 +59,11 @@ def marks_of(strokes: Strokes, model: StrokeModel, grid: PixelGrid, rows: Rows =
         shape = strokes.angle.new_zeros(0, model.limits.family.codes)
     if growth is not None:
         affine = scale_maps(affine, model.frame, growth)
+    given = strokes.thickness, strokes.length, shape
     if isinstance(model, StrokeTable):
-        magnitude, shift = model.windows(strokes.thickness, strokes.length, shape)
+        magnitude, shift = model.windows(*given)
         return Marks(magnitude, affine - shift)
-    return Marks(model(strokes.thickness, strokes.length, shape), affine)
+    return Marks(model(*given), affine)
 
 
 def composite(
@@ -81,9 +82,8 @@ def composite(
     CPU tensors use compiled scanlines. CUDA tensors use compiled tiles if Triton is installed. All other tensors use
     `reference.composite`, which the others equal, on their device: much slower.
     """
-    picture: Tensor = _find_renderer(canvas).composite(
-        magnitude, affine, color, canvas, bare_cells_answer=bare_cells_answer
-    )
+    given = magnitude, affine, color, canvas
+    picture: Tensor = _find_renderer(canvas).composite(*given, bare_cells_answer=bare_cells_answer)
     return picture
 
 
@@ -113,8 +113,7 @@ def render(
     Differentiable in the seven parameters of each stroke and in the canvas. Without gradients nothing else is
     stored, so memory limits only the picture itself. The arguments are not converted; `render_strokes` does that.
     """
-    grid = PixelGrid(size, *canvas.shape[1:])
-    marks = marks_of(strokes, stroke_model, grid, rows)
+    marks = marks_of(strokes, stroke_model, PixelGrid(size, *canvas.shape[1:]), rows)
     # Maps of a table are clipped at zero; their gradient is zero there as well.
     answers = not isinstance(stroke_model, StrokeTable)
     return composite(*marks, strokes.color, rows.of(canvas), bare_cells_answer=answers)
@@ -196,8 +195,10 @@ def render_batch(
             raise PlanError("A batch of strokes is a list of Strokes, and at least one; give [strokes, strokes].")
         made = [render_batch(model, one, size, rows=rows, ground=ground) for one in strokes]
         return RenderedBatch(*(torch.stack(part) for part in zip(*made, strict=True)))
-    below = as_picture(cast(AnyPicture, ground)) if _is_picture(ground) else None
-    below = _toned(as_color(cast(AnyColor, ground)), size, rows) if below is None else below
+    if _is_picture(ground):
+        below = as_picture(cast(AnyPicture, ground))
+    else:
+        below = _toned(as_color(cast(AnyColor, ground)), size, rows)
     kind = _precision_of(model, below.dtype)
     given, below = strokes.to(kind), below.to(kind).to(strokes.length.device)
     moments = render_moments(given, model, below, size, spread_of(model))
@@ -260,8 +261,7 @@ def render_moments(
     if spread.share == 0:
         picture = render(strokes, stroke_model, canvas, size, rows)
         return Moments(picture, torch.zeros_like(picture[0]))
-    grid = PixelGrid(size, *canvas.shape[1:])
-    marks = marks_of(strokes, stroke_model, grid, rows)
+    marks = marks_of(strokes, stroke_model, PixelGrid(size, *canvas.shape[1:]), rows)
     answers = not isinstance(stroke_model, StrokeTable)
     return composite_moments(*marks, strokes.color, rows.of(canvas), spread, bare_cells_answer=answers)
 
@@ -312,7 +312,7 @@ def _toned(color: tuple[float, float, float], size: CanvasSize, height: int) -> 
 
 
 def _draw_png(plan: Plan, options: ExportOptions) -> bytes:
-    """Returns a plan as the bytes of a PNG file, as a notebook shows it. Raises WeightsError."""
+    """Returns a plan as a PNG file, as a notebook shows it. Raises WeightsError."""
     content = io.BytesIO()
     Image.fromarray(to_uint8(render_plan(plan, _NOTEBOOK_ROWS))).save(content, format="PNG")
     return content.getvalue()

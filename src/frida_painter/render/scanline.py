@@ -40,8 +40,7 @@ def composite(
     If an affine map or a colour is not finite, the whole picture is NaN. Runs on torch's number of threads; the
     bits are the same for any number.
     """
-    (picture,) = _paint(magnitude, affine, color, (canvas,), None, bare_cells_answer)
-    return picture
+    return _paint(magnitude, affine, color, (canvas,), None, bare_cells_answer)[0]
 
 
 def composite_moments(
@@ -76,7 +75,7 @@ def _paint(
     if torch.is_grad_enabled() and any(tensor.requires_grad for tensor in tensors):
         apply: Callable[..., tuple[Tensor, ...]] = _Scanlines.apply
         return apply(spread, bare_cells_answer, *tensors)
-    return _lay_on_copies(spread, *tensors)[0]
+    return _lay(spread, *tensors)[0]
 
 
 class _Scanlines(torch.autograd.Function):
@@ -87,7 +86,7 @@ class _Scanlines(torch.autograd.Function):
         ctx: Any, spread: CoverageSpread | None, bare_cells_answer: bool, magnitude: Tensor, *others: Tensor
     ) -> tuple[Tensor, ...]:
         whole = bare_cells_answer and ctx.needs_input_grad[2]
-        painted, laid = _lay_on_copies(spread, magnitude, *others, keep=True, whole=whole)
+        painted, laid = _lay(spread, magnitude, *others, keep=True, whole=whole)
         ctx.spread = spread
         ctx.save_for_backward(torch.from_numpy(laid.sampled), magnitude, *others)
         ctx.laid = laid._replace(sampled=laid.sampled[:, :0])
@@ -97,12 +96,14 @@ class _Scanlines(torch.autograd.Function):
     @once_differentiable
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor | None, ...]:
         sampled, magnitude, affine, color, *pictures = (array(tensor) for tensor in ctx.saved_tensors)
-        _, _, wants_map, wants_affine, wants_color, *wants_pictures = ctx.needs_input_grad
-        laid: Laid = ctx.laid._replace(sampled=sampled)
-        bands = bands_of(pictures[0])
+        _, _, wants_map, wants_affine, *_ = ctx.needs_input_grad
+        laid: _Laid = ctx.laid._replace(sampled=sampled)
+        bands = _bands_of(pictures[0])
         to_color = np.zeros((len(bands), *color.shape), color.dtype)
         given = laid.spans, sampled[0], color
         to_pictures: tuple[Array, ...]
+        to_affine = np.zeros_like(affine[: None if wants_affine else 0])
+        to_map = np.empty_like(magnitude[: None if wants_map else 0])
         with Team() as team:
             if ctx.spread is None:
                 gradient, through = array(gradients[0]), np.ones_like(pictures[0][0])
@@ -111,36 +112,15 @@ class _Scanlines(torch.autograd.Function):
                 to_pictures = (gradient * through,)
             else:
                 to_pictures, slope = tuple(array(each).copy() for each in gradients), np.empty_like(sampled[0])
-                numbers = _numbers(ctx.spread, color)
-                team.share(
-                    bands, kernels.pull_through_moments, *given, numbers, *pictures, *to_pictures, slope, to_color
-                )
-            to_affine, to_map = pull_to_strokes(team, magnitude, affine, laid, slope, wants_affine, wants_map)
-        found = zip(to_pictures, wants_pictures, strict=True)
-        return (
-            None,
-            None,
-            to_map,
-            to_affine,
-            torch.from_numpy(to_color.sum(0)) if wants_color else None,
-            *(torch.from_numpy(each) if wants else None for each, wants in found),
-        )
-
-
-def _lay_on_copies(
-    spread: CoverageSpread | None, magnitude: Tensor, affine: Tensor, color: Tensor, *pictures: Tensor, **how: Any
-) -> tuple[tuple[Tensor, ...], "Laid"]:
-    """Returns the pictures after the strokes, and the places of the strokes.
-
-    how: keyword arguments of `lay`
-    """
-    copies = tuple(array(each).copy() for each in pictures)
-    if spread is None:
-        laid = lay(magnitude, affine, color, copies, kernels.blend, array(color), **how)
-    else:
-        numbers = _numbers(spread, copies[0])
-        laid = lay(magnitude, affine, color, copies, kernels.blend_moments, array(color), numbers, **how)
-    return tuple(map(torch.from_numpy, copies)), laid
+                blur = _numbers(ctx.spread, color)
+                team.share(bands, kernels.pull_through_moments, *given, blur, *pictures, *to_pictures, slope, to_color)
+            if wants_affine or wants_map:
+                width = int(laid.spans.first.max(initial=0) + np.diff(laid.spans.offset).max(initial=0))
+                places = affine, laid.boxes, _column_numbers(width, affine), laid.spans, laid.sampled
+                strokes = range(len(magnitude))
+                team.share(strokes, kernels.scatter_to_strokes, *places, slope, to_affine, to_map)
+        every = zip((to_map, to_affine, to_color.sum(0), *to_pictures), ctx.needs_input_grad[2:], strict=True)
+        return None, None, *(torch.from_numpy(each) if wants else None for each, wants in every)
 
 
 def _numbers(spread: CoverageSpread, like: Array) -> tuple[Any, Any]:
@@ -148,7 +128,7 @@ def _numbers(spread: CoverageSpread, like: Array) -> tuple[Any, Any]:
     return like.dtype.type(spread.share), like.dtype.type(spread.full)
 
 
-class Laid(NamedTuple):
+class _Laid(NamedTuple):
     """Places of the pixels of painted strokes.
 
     spans: packed pixels
@@ -161,23 +141,24 @@ class Laid(NamedTuple):
     boxes: Array
 
 
-def lay(
+def _lay(
+    spread: CoverageSpread | None,
     magnitude: Tensor,
     affine: Tensor,
     color: Tensor,
-    pictures: tuple[Array, ...],
-    blend: Callable[..., None],
-    *arguments: object,
+    *below: Tensor,
     keep: bool = False,
     whole: bool = False,
-) -> Laid:
-    """Samples the strokes batch by batch and lets `blend` paint them on bands of the pictures, each [3, H, W].
+) -> tuple[tuple[Tensor, ...], _Laid]:
+    """Samples the strokes batch by batch and paints them; returns the pictures, and the places of the strokes.
 
-    blend: kernel with arguments (begin, end, strokes, spans, base, alpha, *arguments, *pictures)
+    below: pictures before the strokes: the canvas; or mean and variance, if there is a `spread`
     keep: True to keep the coverage of all batches, not only of one
     whole: True if cells without paint count as well
     """
-    maps, places = array(magnitude), array(affine)
+    maps, places, pictures = array(magnitude), array(affine), [array(each).copy() for each in below]
+    arguments = array(color), *(() if spread is None else (_numbers(spread, pictures[0]),)), *pictures
+    blend = kernels.blend if spread is None else kernels.blend_moments
     _, height, width = pictures[0].shape
     boxes = whole_maps(maps) if whole else painted_boxes(maps)
     spans = find_spans(places, boxes, height, width)
@@ -185,39 +166,20 @@ def lay(
     batches = _batches(pixels)
     largest = max((int(pixels[last] - pixels[first]) for first, last in batches), default=0)
     sampled = np.empty((3, spans.pixels if keep else largest), maps.dtype)
-    columns, bands = column_numbers(width, places), bands_of(pictures[0])
+    columns, bands = _column_numbers(width, places), _bands_of(pictures[0])
     with Team() as team:
         for first, last in batches:
             base = 0 if keep else int(pixels[first])
             team.share(range(first, last), kernels.sample, maps, places, boxes, columns, spans, base, sampled)
-            team.share(bands, blend, (first, last), spans, base, sampled[0], *arguments, *pictures)
+            team.share(bands, blend, (first, last), spans, base, sampled[0], *arguments)
     # The reference paints every pixel, so one value that is not finite makes the whole picture NaN.
     if not (np.isfinite(places).all() and bool(torch.isfinite(color).all())):
         for picture in pictures:
             picture.fill(np.nan)
-    return Laid(spans, sampled, boxes)
+    return tuple(map(torch.from_numpy, pictures)), _Laid(spans, sampled, boxes)
 
 
-def pull_to_strokes(
-    team: "Team", magnitude: Array, affine: Array, laid: Laid, slope: Array, wants_affine: bool, wants_map: bool
-) -> tuple[Tensor | None, Tensor | None]:
-    """Converts packed gradients of the coverage to those of the affine maps [n, 2, 3] and the maps [n, h, w].
-
-    A gradient that is not wanted is None.
-    """
-    if not (wants_affine or wants_map):
-        return None, None
-    nothing = slice(None if wants_affine else 0), slice(None if wants_map else 0)
-    to_affine, to_map = np.zeros_like(affine[nothing[0]]), np.empty_like(magnitude[nothing[1]])
-    width = int(laid.spans.first.max(initial=0) + np.diff(laid.spans.offset).max(initial=0))
-    team.share(
-        range(len(magnitude)), kernels.scatter_to_strokes,
-        affine, laid.boxes, column_numbers(width, affine), laid.spans, laid.sampled, slope, to_affine, to_map,
-    )  # fmt: skip
-    return torch.from_numpy(to_affine) if wants_affine else None, torch.from_numpy(to_map) if wants_map else None
-
-
-def bands_of(picture: Array) -> range:
+def _bands_of(picture: Array) -> range:
     """Returns the range of band numbers of a picture [3, H, W]."""
     return range(-(-picture.shape[1] // kernels.BAND))
 
@@ -235,7 +197,7 @@ def _batches(pixels: Array) -> list[tuple[int, int]]:
     return batches
 
 
-def column_numbers(width: int, like: Array) -> Array:
+def _column_numbers(width: int, like: Array) -> Array:
     """Returns 0, 1, 2, ...; longer than `width`, because samples are located in whole vectors."""
     return np.arange(width + kernels.LANES, dtype=like.dtype)
 
