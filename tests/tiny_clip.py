@@ -1,4 +1,4 @@
-"""CLIPs of random weights, made on the spot: the ViT kind as a folder that `transformers` loads, the ResNet kind."""
+"""CLIPs and SigLIPs of random weights, made on the spot as folders that `transformers` loads."""
 
 import json
 from pathlib import Path
@@ -50,38 +50,3 @@ def write_siglip(folder: Path) -> Path:
         model = SiglipModel(SiglipConfig(text_config=text, vision_config=vision))
     model.save_pretrained(folder)
     return folder
-
-
-def resnet_tensors(width: int = 16, depths: tuple[int, ...] = (2, 1, 1, 1), side: int = 64) -> dict[str, torch.Tensor]:
-    """Random tensors under the published names, of a tower that many channels wide; RN50 is 64, (3, 4, 6, 3), 224."""
-    chance = torch.Generator().manual_seed(0)
-    tensors: dict[str, torch.Tensor] = {}
-
-    def convolution(name: str, norm: str, out: int, before: int, kernel: int) -> None:
-        spread = (2 / (before * kernel**2)) ** 0.5
-        tensors[f"visual.{name}.weight"] = torch.randn(out, before, kernel, kernel, generator=chance) * spread
-        tensors[f"visual.{norm}.weight"] = 0.5 + torch.rand(out, generator=chance)
-        tensors[f"visual.{norm}.bias"] = 0.1 * torch.randn(out, generator=chance)
-        tensors[f"visual.{norm}.running_mean"] = 0.1 * torch.randn(out, generator=chance)
-        tensors[f"visual.{norm}.running_var"] = 0.5 + torch.rand(out, generator=chance)
-        tensors[f"visual.{norm}.num_batches_tracked"] = torch.tensor(0)
-
-    for number, (out, before) in enumerate([(width // 2, 3), (width // 2, width // 2), (width, width // 2)], 1):
-        convolution(f"conv{number}", f"bn{number}", out, before, 3)
-    channels = width
-    for stage, depth in enumerate(depths, 1):
-        inner = width * 2 ** (stage - 1)
-        for block in range(depth):
-            name = f"layer{stage}.{block}"
-            for number, (out, before, kernel) in enumerate(
-                [(inner, channels, 1), (inner, inner, 3), (4 * inner, inner, 1)], 1
-            ):
-                convolution(f"{name}.conv{number}", f"{name}.bn{number}", out, before, kernel)
-            if block == 0:
-                convolution(f"{name}.downsample.0", f"{name}.downsample.1", 4 * inner, channels, 1)
-            channels = 4 * inner
-    tensors["visual.attnpool.positional_embedding"] = torch.randn((side // 32) ** 2 + 1, channels, generator=chance)
-    for part, out in (("q_proj", channels), ("k_proj", channels), ("v_proj", channels), ("c_proj", channels // 2)):
-        tensors[f"visual.attnpool.{part}.weight"] = torch.randn(out, channels, generator=chance) / channels**0.5
-        tensors[f"visual.attnpool.{part}.bias"] = 0.1 * torch.randn(out, generator=chance)
-    return tensors

@@ -19,12 +19,6 @@ def saved(tmp_path: Path) -> Path:
     return tmp_path / "small.safetensors"
 
 
-def test_maps_have_the_frames_cells_and_are_magnitudes():
-    maps = StrokeField.fresh(SMALL)(*shapes(70)).detach()
-    assert maps.shape == (70, SMALL.frame.rows, SMALL.frame.columns)
-    assert 0 <= float(maps.amin()) < float(maps.amax()) <= 1
-
-
 def test_no_strokes_give_no_maps():
     assert StrokeField("small", small_frame(), SMALL.limits)(*(torch.zeros(0) for _ in range(3))).shape == (0, 24, 42)
 

@@ -81,11 +81,6 @@ def test_a_third_of_empty_strokes_does_not_make_the_others_look_wrong():
     np.testing.assert_array_equal(flaws == Flaw.EMPTY, empty)
 
 
-def test_a_library_that_nobody_painted_on_is_empty_throughout():
-    library = small_library(5)
-    assert (judge_marks(replace(library, magnitude=0 * library.magnitude)) == Flaw.EMPTY).all()
-
-
 def test_what_was_judged_when_it_was_painted_stays_so():
     flaws = np.zeros(COUNT, np.uint8)
     flaws[3] = Flaw.MOVED
@@ -99,8 +94,3 @@ def test_a_library_of_flaws_alone_has_nothing_to_learn_from():
     library = small_library(5)
     with pytest.raises(LibraryError):
         clean(replace(library, magnitude=0 * library.magnitude))
-
-
-def test_every_flaw_has_its_words():
-    for flaw in Flaw:
-        assert flaw.words and flaw.sentence

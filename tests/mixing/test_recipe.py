@@ -19,8 +19,10 @@ from frida_painter.mixing.recipe import (
     PARTS_WITH_TRACES,
     PaintSet,
     Recipe,
+    volumes,
 )
 from frida_painter.palette import difference, from_hex
+from support.plans import made_up_plan
 
 SIX = usual_paints()
 
@@ -124,11 +126,6 @@ def test_no_recipe_with_one_part_more_or_less_would_be_better() -> None:
         assert cost(here) <= cost([count + sign * (at == index) for at, count in enumerate(here)]) + 1e-6
 
 
-def test_the_same_every_time() -> None:
-    target = from_hex("#8e613a")[None]
-    assert recipes(target, SIX)[0].words == recipes(target, SIX)[0].words
-
-
 def test_one_paint_is_all_there_is() -> None:
     white = find_acrylic("titanium white")
     (found,) = recipes(torch.tensor([[0.2, 0.3, 0.4]]), [white])
@@ -139,3 +136,11 @@ def test_one_paint_is_all_there_is() -> None:
 def test_without_paints_there_is_no_mixture(paints: list, most: int) -> None:
     with pytest.raises(ConfigError, match="mixing takes"):
         recipes(torch.rand(1, 3), paints, most)
+
+
+def test_each_paint_is_wanted_by_the_area_that_it_paints_and_never_less_than_can_be_dipped_in() -> None:
+    plan = made_up_plan(400, 4)
+    lengths = plan.strokes.length.double() * (0.25 + 0.75 * plan.strokes.thickness.double()) * 0.017
+    area = torch.zeros(4, dtype=torch.float64).index_add(0, plan.paint, lengths)
+    assert volumes(plan).tolist() == pytest.approx((area * 300).clamp(min=3).tolist(), rel=1e-5)
+    assert volumes(plan.part(slice(1))).tolist() == [3, 3, 3, 3]

@@ -13,7 +13,7 @@ from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.encoders.clip import Clip
-from frida_painter.objectives.encoders.convolutional import ClipResNet, EfficientNetLite, Hed, Vgg16
+from frida_painter.objectives.encoders.convolutional import EfficientNetLite, Hed, Vgg16
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import WeightedObjective, prepare
 from frida_painter.objectives.objective import Goal, ObjectiveTerm, Term
@@ -33,7 +33,7 @@ from frida_painter.planning.problem import Region
 from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders, RandomReader, random_hed_tensors, random_lite_tensors, random_vgg_tensors
 from support.planning import CANVAS, goal, picture, plain, small_table
-from tiny_clip import resnet_tensors, write_clip
+from tiny_clip import write_clip
 
 QUICK = Effort(2, 2, 4, relocations=1, refining=2, drawing=1, binding=2, settling=2, polishing=2, replanning=2)
 BARE = torch.ones(3, 64, 85)
@@ -95,7 +95,7 @@ def test_every_kind_of_goal_is_seen_on_the_device() -> None:
 
 @torch.no_grad()
 def test_networks_see_on_the_device_what_they_see_on_the_cpu(tmp_path) -> None:
-    clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())
+    clip = Clip.load(write_clip(tmp_path))
     vgg, hed, lite = (
         Vgg16.of_torchvision(random_vgg_tensors()),
         Hed(random_hed_tensors()),
@@ -107,7 +107,6 @@ def test_networks_see_on_the_device_what_they_see_on_the_cpu(tmp_path) -> None:
             vgg.features(views[0], ["conv3_1"])[0],
             hed.edges(views[0]),
             *lite.features(views),
-            tower.embed_pictures(views),
             clip.embed_pictures(views),
             wish("lemon", clip, WordSettings())(views),
         ]
@@ -235,12 +234,11 @@ def test_losses_that_are_not_finite_are_noticed_late_on_a_device_and_do_no_harm(
 
 @torch.no_grad()
 def test_networks_in_half_precision_see_nearly_the_same_in_full_precision(tmp_path, monkeypatch) -> None:
-    clip, tower = Clip.load(write_clip(tmp_path)), ClipResNet(resnet_tensors())
+    clip = Clip.load(write_clip(tmp_path))
     vgg, lite = Vgg16.of_torchvision(random_vgg_tensors()), EfficientNetLite(random_lite_tensors())
     looks = (
         lambda views: vgg.features(views[0], ["conv3_1"])[0],
         lambda views: lite.features(views)[1],
-        tower.embed_pictures,
         clip.embed_pictures,
         lambda views: clip.features(views)[0],
     )

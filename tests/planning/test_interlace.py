@@ -7,15 +7,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from elsewhere import elsewhere
 from frida_painter.brush.kinds import BROAD, FINE, MEDIUM, BrushKind, CoverageSpread
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.optimize import Step, interlace_rows, optimize, stacked_cost
-from frida_painter.planning.problem import PlanningProblem, Region, on_device
+from frida_painter.planning.problem import PlanningProblem, Region
 from frida_painter.strokes import Strokes
 from frida_painter_calibration.teaching.bezier import BezierStroke
 from support.planning import CANVAS, goal, problem, small_table, some_strokes
@@ -45,11 +43,7 @@ def cost_and_slopes(strokes: Strokes, on: PlanningProblem) -> list[Tensor]:
 
 @pytest.mark.parametrize(
     ("kind", "turns"),
-    [
-        (BROAD, {128: 1, 256: 2, 512: 4, 1024: 8}),
-        (MEDIUM, {256: 1, 512: 2, 1024: 5}),
-        (FINE, {512: 1, 1024: 3}),
-    ],
+    [(BROAD, {128: 1, 256: 2, 512: 4, 1024: 8}), (MEDIUM, {256: 1, 512: 2, 1024: 5}), (FINE, {512: 1, 1024: 3})],
     ids=lambda one: getattr(one, "name", ""),
 )
 def test_rows_are_as_far_apart_at_any_resolution_and_nearer_for_smaller_marks(
@@ -69,11 +63,6 @@ def test_a_small_canvas_is_looked_at_by_32_rows_at_least() -> None:
         objective_on_rows=judge.on_rows,
     )  # fmt: skip
     assert len(interlace_rows([on])) == 8
-
-
-def test_what_is_judged_as_a_whole_is_looked_at_as_a_whole() -> None:
-    on = replace(by_rows(), objective_on_rows=None)
-    assert interlace_rows([on]) == [[on]]
 
 
 @pytest.mark.parametrize("guarded", [False, True], ids=["all free", "some protected"])
@@ -130,14 +119,3 @@ def test_steps_tell_the_loss_of_what_was_looked_at() -> None:
     for step, seen in zip(steps, [on, *turns[1:], turns[0], *turns[1:3]], strict=True):
         ((_, shown),) = step.parts
         assert judged(shown, seen) == pytest.approx(step.loss, rel=1e-4)
-
-
-def test_it_is_the_same_on_another_device() -> None:
-    strokes, on = some_strokes(6), by_rows(240)
-    found, _ = optimize(strokes, on, iterations=4)
-    with elsewhere() as device:
-        wanted = Goal((ImageTerm(goal().terms[0].image).to(device),))  # type: ignore[attr-defined]
-        there = replace(by_rows(240, wanted), canvas=on.canvas.to(device), model=on_device(on.model, device))
-        theirs, _ = optimize(strokes.to(device), there, iterations=4)
-    for name, part in theirs.to("cpu").arrays().items():
-        torch.testing.assert_close(part, found.arrays()[name], rtol=1e-3, atol=1e-4)

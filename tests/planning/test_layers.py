@@ -1,5 +1,4 @@
 import copy
-from dataclasses import replace
 
 import pytest
 import torch
@@ -7,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError, PlanError
-from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
@@ -38,11 +36,6 @@ def test_each_layer_has_a_stroke_and_the_first_has_most(strokes: int, layers: in
     sizes = layer_sizes(strokes, usual_shares(layers))
     assert len(sizes) == layers and sum(sizes) == strokes and min(sizes) >= 1
     assert layers > strokes / 5 or sizes[0] >= 0.55 * strokes
-
-
-def test_no_layers_are_none() -> None:
-    with pytest.raises(ConfigError, match="from 1 layer to 10"):
-        layer_sizes(10, ())
 
 
 def test_every_layer_goes_from_light_to_dark_in_the_same_paints(plan: Plan) -> None:
@@ -110,20 +103,6 @@ def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
     by.plan(BARE, 30, 4, steps.append)
     assert len(steps) == by.iterations(30) == steps[-1].iteration == steps[-1].of
     assert sum(len(strokes) for _, strokes in steps[-1].parts) == 30
-
-
-def test_a_stroke_that_cannot_keep_clear_is_missing_from_its_layer() -> None:
-    from frida_painter.planning.problem import Region
-
-    forbidden = torch.zeros(64, 85, dtype=torch.bool)
-    forbidden[:, :40] = True
-    found = planner().keeping_clear(Region(forbidden)).plan(BARE, 30, 4)
-    assert sum(found.layer_sizes) == len(found) and len(found.layer_sizes) == 2
-
-
-def test_goals_without_a_picture_can_have_layers() -> None:
-    wanted = Goal((replace(ImageTerm(goal().terms[0].image)),))
-    assert len(planner(3, wanted).plan(BARE, 12, 2).layers) == 3
 
 
 def two_brushes(**settings: object) -> Planner:

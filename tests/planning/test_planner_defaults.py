@@ -17,7 +17,6 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.goals import make_goal
@@ -166,10 +165,6 @@ def test_nothing_of_a_planner_changes_when_another_ground_is_asked_for() -> None
         by.settings.ground = (0.0, 0.0, 0.0)  # type: ignore[misc]
 
 
-def test_a_brush_is_known_by_its_name(coarse_brushes: None) -> None:
-    assert Planner(goal(), plain("12x9cm", "fine", rows=64)).brushes == ("fine",)
-
-
 def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:
     by = small()
     told, silent = by.plan(by.bare, 6, 3, lambda step: None), small(strokes=6, colors=3).plan()
@@ -180,12 +175,6 @@ def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:
     bound = by.bind_to_palette(silent, by.bare, silent.palette)
     assert torch.equal(bound.palette.color, silent.palette.color)
     assert len(by.replan(silent.part(slice(3, None)), by.expected(silent.part(slice(3))))) == 3
-
-
-def test_effort_is_a_factor_or_told_one_by_one() -> None:
-    assert small().effort == Effort().scale(0.02)
-    exactly = Effort(polishing=3)
-    assert Planner(goal(), plain("12x9cm", small_table(), rows=64, effort=exactly)).effort is exactly
 
 
 @pytest.mark.parametrize(("strokes", "colors"), [(0, 3), (-1, 3), (6, 0)])

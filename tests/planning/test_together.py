@@ -114,14 +114,6 @@ def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float) -> N
         assert cost(found) <= cost(parts) + 1e-7
 
 
-def test_one_part_is_optimised_as_by_itself() -> None:
-    on, strokes = varying(), some_strokes(10)
-    (found,) = optimize_together([StrokesInScene(strokes, on)], iterations=12)
-    alone, _ = optimize(strokes, on, iterations=12)
-    for one, other in zip(found.strokes.arrays().values(), alone.arrays().values(), strict=True):
-        assert torch.equal(one, other)
-
-
 def test_paints_that_may_not_change_do_not() -> None:
     on, strokes = varying(), some_strokes(8)
     paints = Paints(strokes.color[:4].clone(), torch.arange(8) % 4)

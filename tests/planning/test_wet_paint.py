@@ -32,7 +32,6 @@ from frida_painter.strokes import Strokes
 from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes
 
 WET = WetPaint(rate=20.0, share=0.2, drying=300.0)
-NONE = WetPaint(rate=0.0, share=0.0, drying=300.0)
 
 
 # The plain twin: pixel by pixel, and place by place along a path.
@@ -204,15 +203,6 @@ def test_nothing_is_learned_from_paint_that_dries_at_once_or_from_nothing() -> N
     at = [3.0 * number for number in range(12)]
     assert learn_wet_paint([PaintedPart([strokes], [on], at, expected + noise, expected)]) is None
     assert learn_wet_paint([]) is None
-
-
-def test_a_photograph_of_another_size_serves_as_well() -> None:
-    strokes, on = some_strokes(12), problem()
-    at = [3.0 * number for number in range(12)]
-    expected = on.render(strokes)
-    seen = expected + change_by_wet_paint([strokes], [on], WET, at)
-    larger = images.fit(seen, 2 * seen.shape[1], 2 * seen.shape[2])
-    assert learn_wet_paint([PaintedPart([strokes], [on], at, larger, expected)]) is not None
 
 
 @pytest.mark.parametrize("times", [(0.0,), (0.0, 1.0, 2.0), (1.0, 0.0), (0.0, math.nan)])

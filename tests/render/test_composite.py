@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from composites import F64, Composite, Scene, assert_same, scene, upstream, with_gradients
+from composites import F64, Composite, Scene, assert_same, scene, with_gradients
 from frida_painter.render import reference, scanline
 
 pytestmark = pytest.mark.parametrize("composite", [scanline.composite], ids=["scanline"])
@@ -55,11 +55,6 @@ def test_thousands_of_strokes_over_one_another_equal_the_reference(composite: Co
     assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
 
 
-def test_a_map_much_larger_than_the_canvas(composite: Composite) -> None:
-    tensors = scene(6, (60, 90), (20, 25))
-    assert_same(with_gradients(composite, tensors), with_gradients(reference.composite, tensors))
-
-
 @pytest.mark.parametrize("shift", [(0, 0), (-1, 2), (7, -3), (-4, -6), (18, 11)])
 def test_samples_on_cells_take_the_same_side_of_the_kink(composite: Composite, shift: tuple[int, int]) -> None:
     tensors = scene(1, (6, 5), (14, 17))
@@ -96,13 +91,6 @@ def test_any_choice_of_gradients_gives_the_same_ones(composite: Composite, wante
     assert_same(with_gradients(composite, tensors, wanted), [picture, *chosen], within=1e-12)
 
 
-def test_single_precision_pictures_agree(composite: Composite) -> None:
-    tensors = scene(80, (24, 40), (128, 160), scale=0.8, dtype=torch.float32)
-    ours, theirs = composite(*tensors), reference.composite(*tensors)
-    assert ours.dtype == torch.float32
-    torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-5)
-
-
 def test_single_precision_gradients_to_maps_and_colors_agree(composite: Composite) -> None:
     tensors = scene(40, (24, 40), (64, 80), scale=0.8)
     single = Scene(*(tensor.float() for tensor in tensors))
@@ -110,13 +98,6 @@ def test_single_precision_gradients_to_maps_and_colors_agree(composite: Composit
     theirs = with_gradients(reference.composite, Scene(*(tensor.double() for tensor in single)))
     for k in (1, 3, 4):
         torch.testing.assert_close(ours[k].double(), theirs[k], rtol=1e-4, atol=1e-3)
-
-
-def test_no_strokes_leave_the_canvas(composite: Composite) -> None:
-    tensors = scene(0, (4, 4), (5, 6))
-    picture, *_, to_canvas = with_gradients(composite, tensors)
-    assert torch.equal(picture, tensors.canvas)
-    assert torch.equal(to_canvas, upstream(tensors.canvas))
 
 
 def test_strokes_off_the_canvas_leave_it_and_get_no_gradient(composite: Composite) -> None:
@@ -169,20 +150,6 @@ def test_a_gradient_that_is_one_number_everywhere(composite: Composite) -> None:
         torch.testing.assert_close(leaf.grad, twin.grad, rtol=0, atol=1e-9)
 
 
-def test_backward_can_be_asked_twice(composite: Composite) -> None:
-    leaves = [tensor.requires_grad_() for tensor in scene(6, (5, 6), (12, 13))]
-    loss = composite(*leaves).square().sum()
-    first = torch.autograd.grad(loss, leaves, retain_graph=True)
-    second = torch.autograd.grad(loss, leaves)
-    assert all(torch.equal(one, other) for one, other in zip(first, second, strict=True))
-
-
-def test_order_matters_where_strokes_overlap(composite: Composite) -> None:
-    tensors = scene(2, (8, 8), (12, 12), spread=0.0)
-    turned = Scene(*(tensor.flip(0) for tensor in tensors[:3]), tensors.canvas)
-    assert (composite(*tensors) - composite(*turned)).abs().max() > 0.05
-
-
 def test_strokes_apart_commute(composite: Composite) -> None:
     tensors = scene(2, (5, 5), (20, 40), spread=0.0)
     apart = torch.stack((moved(tensors.affine, 12, 0)[0], moved(tensors.affine, -12, 0)[1]))
@@ -212,12 +179,6 @@ def test_part_of_the_canvas_shows_part_of_the_picture(composite: Composite, seed
     )
     whole = composite(*tensors)
     torch.testing.assert_close(part, whole[:, row : row + 9, column : column + 11], rtol=0, atol=1e-9)
-
-
-def test_the_same_bits_every_time(composite: Composite) -> None:
-    tensors = scene(60, (12, 20), (64, 50), dtype=torch.float32)
-    first, second = (with_gradients(composite, tensors) for _ in range(2))
-    assert all(torch.equal(one, other) for one, other in zip(first, second, strict=True))
 
 
 def test_a_color_that_is_not_a_number_spoils_the_picture_as_in_the_reference(composite: Composite) -> None:

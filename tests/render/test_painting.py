@@ -6,10 +6,15 @@ from composites import assert_same, scene, with_gradients
 from frida_painter.brush.kinds import MEDIUM
 from frida_painter.brush.table import StrokeTable
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError, WeightsError
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.render import composite, painting, reference, render, scanline
+from frida_painter.render.painting import render_plan
+from frida_painter.render.reference import bilinear
 from frida_painter.strokes import Strokes
 from frida_painter_calibration.teaching.bezier import BezierStroke
+from support.planning import small_table
+from support.plans import made_up_plan
 
 SIZE = CanvasSize(0.3, 0.2)
 
@@ -64,26 +69,6 @@ def test_every_group_of_the_strokes_and_the_canvas_get_a_gradient(brush: BezierS
         assert leaf.grad.isfinite().all() and leaf.grad.abs().sum() > 0, name
 
 
-def test_moving_a_stroke_towards_its_target_lowers_the_loss(brush: BezierStroke) -> None:
-    with torch.no_grad():
-        target = render(strokes(), brush, torch.ones(3, 64, 96), SIZE)
-    astray = strokes().position + torch.tensor([0.004, -0.003])
-    position = astray.clone().requires_grad_()
-
-    def loss(where: Tensor) -> Tensor:
-        return (render(strokes(position=where), brush, torch.ones(3, 64, 96), SIZE) - target).square().mean()
-
-    start = loss(position)
-    (slope,) = torch.autograd.grad(start, position)
-    with torch.no_grad():
-        assert loss(astray - 0.001 * slope / slope.norm()) < start
-
-
-def test_no_strokes_leave_the_canvas(brush: BezierStroke) -> None:
-    canvas = torch.rand(3, 20, 30)
-    assert torch.equal(render(Strokes.empty(), brush, canvas, SIZE), canvas)
-
-
 def test_a_larger_picture_shows_the_same_painting(brush: BezierStroke) -> None:
     with torch.no_grad():
         small = render(strokes(), brush, torch.ones(3, 100, 150), SIZE)
@@ -126,3 +111,55 @@ def test_gradients_to_painted_boxes_are_those_of_the_reference() -> None:
     assert (lean[1][:, :, 6:] == 0).all()
     for one, other in zip((lean[0], *lean[2:]), (whole[0], *whole[2:]), strict=True):
         torch.testing.assert_close(one, other, rtol=0, atol=1e-9)
+
+
+F64 = torch.float64
+
+
+def test_a_full_mark_on_whole_pixels_replaces_the_canvas_by_its_color() -> None:
+    magnitude = torch.ones(1, 2, 3, dtype=F64)
+    affine = torch.tensor([[[1.0, 0.0, -4.0], [0.0, 1.0, -1.0]]], dtype=F64)
+    color = torch.tensor([[0.1, 0.5, 0.9]], dtype=F64)
+    canvas = torch.ones(3, 5, 8, dtype=F64)
+    picture = reference.composite(magnitude, affine, color, canvas)
+    expected = canvas.clone()
+    expected[:, 1:3, 4:7] = color[0, :, None, None]
+    torch.testing.assert_close(picture, expected)
+
+
+def test_coverage_mixes_and_later_strokes_lie_on_top() -> None:
+    magnitude = torch.full((2, 1, 1), 0.5, dtype=F64)
+    affine = torch.tensor([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]], dtype=F64).expand(2, 2, 3)
+    color = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], dtype=F64)
+    picture = reference.composite(magnitude, affine, color, torch.zeros(3, 1, 1, dtype=F64))
+    assert picture.flatten().tolist() == [0.25, 0.0, 0.5]
+
+
+def test_samples_between_cells_and_beyond_the_rim_are_bilinear() -> None:
+    mark = torch.tensor([[1.0, 2.0], [3.0, 5.0]], dtype=F64)
+    column = torch.tensor([0.5, 0.25, -0.5, 1.75, -1.0, 2.0], dtype=F64)
+    row = torch.tensor([0.5, 0.0, 0.0, 1.0, 0.0, 0.0], dtype=F64)
+    assert bilinear(mark, column, row).tolist() == [2.75, 1.25, 0.5, 1.25, 0.0, 0.0]
+
+
+def test_a_plan_is_drawn_on_its_own_ground() -> None:
+    plan = made_up_plan()
+    drawn = render_plan(plan, 90, {"medium": small_table()})
+    ground = torch.tensor(plan.ground)[:, None, None].expand_as(drawn).contiguous()
+    assert drawn.shape[:2] == (3, 90)
+    assert torch.equal(drawn, render(plan.strokes, small_table(), ground, plan.canvas))
+    assert not torch.equal(drawn, ground)
+
+
+@pytest.mark.parametrize("height", [0, 15, 10_001])
+def test_sizes_that_nobody_can_use_are_refused(height: int) -> None:
+    with pytest.raises(ConfigError, match="16 to 10000"):
+        render_plan(made_up_plan(), height, {"medium": small_table()})
+
+
+def test_the_brush_of_the_plan_has_to_be_known() -> None:
+    from dataclasses import replace
+
+    with pytest.raises(WeightsError):
+        plan = made_up_plan()
+        render_plan(replace(plan, layers=(replace(plan.layers[0], brush="nowhere"),)), 90)

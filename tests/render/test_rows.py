@@ -11,9 +11,9 @@ from torch import Tensor
 from composites import F64, Scene, assert_same, scene, upstream
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.frames import Rows
-from frida_painter.render import reference, render, render_moments, scanline
+from frida_painter.render import reference, render_moments, scanline
 from marks import ribbon
-from support.planning import CANVAS, small_table, some_strokes
+from support.planning import CANVAS, some_strokes
 
 VARIES = CoverageSpread(0.4, 0.9)
 PATHS = [scanline.composite_moments]
@@ -81,9 +81,3 @@ def test_strokes_are_rendered_on_some_rows_as_on_all(rows: Rows, spread: Coverag
         )
         found.append([mean.detach(), variance.detach(), *gradients])
     assert_same(found[1], found[0])
-
-
-def test_in_single_precision_they_are_the_same_rows() -> None:
-    strokes, canvas, rows = some_strokes(30), torch.ones(3, 96, 128), Rows(4, 1)
-    whole = rows.of(render(strokes, small_table(), canvas, CANVAS))
-    torch.testing.assert_close(render(strokes, small_table(), canvas, CANVAS, rows), whole, rtol=0, atol=5e-5)

@@ -60,12 +60,7 @@ class Text:
     """
 
     def __init__(
-        self,
-        prompt: str,
-        reader: Reader,
-        seed: int,
-        settings: WordSettings = USUAL,
-        sight: Sight | None = None,
+        self, prompt: str, reader: Reader, seed: int, settings: WordSettings = USUAL, sight: Sight | None = None
     ) -> None:
         self._reader, self._seed, self._sight = reader, seed, sight or Sight()
         self._calls = 0

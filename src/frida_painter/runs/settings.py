@@ -119,8 +119,7 @@ class GoalSettings(SettingSection):
     clip: str | None = setting(
         None, value="NAME|FOLDER", usual="clip-vit-b-32 if it was downloaded, else smaller networks", min_length=1
     )
-    """The CLIP model for text and meaning: a name on the hub, a folder or its file of weights, or a safetensors file
-    of a CLIP ResNet."""
+    """The CLIP model for text and meaning: a name on the hub, a folder or its file of weights."""
     pictures: File = setting(None, value="FOLDER", usual="the libraries that were downloaded")
     """A folder with your own pictures of things, named by them (red-fox.png, or a text beside each). Text prompts use
     them first."""

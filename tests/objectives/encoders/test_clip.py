@@ -15,9 +15,7 @@ from PIL import Image
 
 from frida_painter import images
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders import clip as module
-from frida_painter.objectives.encoders.clip import Clip
-from frida_painter.objectives.encoders.convolutional import CLIP_MEAN, CLIP_SPREAD
+from frida_painter.objectives.encoders.clip import CLIP_MEAN, CLIP_SPREAD, Clip
 from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip, write_siglip
 from tiny_weights import Trap, serving
 
@@ -79,11 +77,6 @@ def test_slopes_reach_the_pictures(clip: Clip) -> None:
     pictures = torch.rand(2, 3, 40, 50, requires_grad=True)
     (slope,) = torch.autograd.grad(clip.embed_pictures(pictures)[1, 0] + clip.features(pictures)[0][1].sum(), pictures)
     assert float(slope[1].abs().sum()) > 0 and float(slope[0].abs().sum()) == 0
-
-
-def test_nothing_is_printed_while_it_is_loaded(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    Clip.load(folder)
-    assert capfd.readouterr() == ("", "")
 
 
 def test_words_beyond_what_it_can_read_are_cut_and_it_is_known(clip: Clip) -> None:
@@ -266,14 +259,6 @@ def test_folders_of_the_cache_are_found(folder: Path, clip: Clip, tmp_path: Path
     shutil.copytree(folder, tmp_path / "models--some--clip" / "snapshots" / "0123")
     found = Clip.load(tmp_path / "models--some--clip")
     assert torch.equal(found.embed_text("cat"), clip.embed_text("cat"))
-
-
-@pytest.mark.parametrize(("name", "called"), [("ViT-B/16", "CLIP ViT-B/16"), ("some/clip", "CLIP some/clip")])
-def test_it_is_called_as_it_was_asked_for(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, name: str, called: str
-) -> None:
-    monkeypatch.setattr(module, "hub_folder", lambda *asked: folder)
-    assert Clip.load(name).name == called
 
 
 def test_a_home_folder_is_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,8 +11,7 @@ import torch
 from safetensors.torch import load_file, save_file
 
 from frida_painter.errors import WeightsError
-from frida_painter.objectives.encoders.clip import Clip
-from frida_painter.objectives.encoders.convolutional import CLIP_MEAN
+from frida_painter.objectives.encoders.clip import CLIP_MEAN, Clip
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip
 

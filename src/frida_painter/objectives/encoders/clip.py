@@ -19,7 +19,6 @@ from torch.nn import functional
 from frida_painter import registry, storage, tensor_file
 from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import StorageError, WeightsError
-from frida_painter.objectives.encoders.convolutional import CLIP_MEAN, CLIP_SPREAD
 from frida_painter.weights.catalogue import state_dict
 from frida_painter.weights.hub_folder import (
     OPEN_CLIP,
@@ -103,6 +102,8 @@ def clip_tensors(tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
     return found
 
 
+CLIP_MEAN, CLIP_SPREAD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
+"""Statistics of the sRGB channels in the training of all variants of CLIP."""
 _MAX_BYTES = 2**20  # size of a settings file
 _FILES = "config.json, model.safetensors and tokenizer.json"
 _SIZES = {

@@ -1,7 +1,8 @@
-"""Convolutional networks with frozen weights: VGG16, HED, EfficientNet-Lite and the image tower of CLIP's ResNets."""
+"""Convolutional networks with frozen weights: VGG16, HED and EfficientNet-Lite."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 import torch
@@ -15,12 +16,12 @@ from frida_painter.errors import WeightsError
 class _Weights(dict[str, Tensor]):
     """Tensors by name. Raises WeightsError for a missing one: then they are not those of `network`."""
 
-    def __init__(self, tensors: Mapping[str, Tensor], network: str, advice: str = "fetch them again") -> None:
+    def __init__(self, tensors: Mapping[str, Tensor], network: str) -> None:
         super().__init__(tensors)
-        self._network, self._advice = network, advice
+        self._network = network
 
     def __missing__(self, name: str) -> Tensor:
-        raise WeightsError(f"The weights hold no {name!r}, so they are not {self._network}; {self._advice}.")
+        raise WeightsError(f"The weights hold no {name!r}, so they are not {self._network}; fetch them again.")
 
     def pair(self, name: str) -> tuple[Tensor, Tensor]:
         """Returns weight and bias of a layer."""
@@ -120,33 +121,30 @@ class Hed:
         return torch.sigmoid(fused)[0, 0]
 
 
-# Networks with batch normalisations, which are folded into the convolutions: that halves the work
+# EfficientNet-Lite, whose batch normalisations are folded into the convolutions: that halves the work
 
 
 @dataclass(frozen=True)
 class _Convolution:
     """Convolution with folded normalisation: weight [out, in / groups, k, k], bias [out].
 
-    ends_late: True for the padding of TensorFlow, whose odd row and column come last, so the last step reaches the edge
+    As in TensorFlow, an odd row and column of padding come last, so the last step reaches the edge.
     """
 
     weight: Tensor
     bias: Tensor
     stride: int
-    ends_late: bool
 
     @classmethod
-    def fold(
-        cls, weights: _Weights, convolution: str, norm: str, epsilon: float, stride: int = 1, *, ends_late: bool = False
-    ) -> Self:
-        scale = weights[f"{norm}.weight"] * torch.rsqrt(weights[f"{norm}.running_var"] + epsilon)
+    def fold(cls, weights: _Weights, convolution: str, norm: str, stride: int = 1) -> Self:
+        scale = weights[f"{norm}.weight"] * torch.rsqrt(weights[f"{norm}.running_var"] + 1e-3)
         bias = weights[f"{norm}.bias"] - weights[f"{norm}.running_mean"] * scale
-        return cls(weights[f"{convolution}.weight"] * scale[:, None, None, None], bias, stride, ends_late)
+        return cls(weights[f"{convolution}.weight"] * scale[:, None, None, None], bias, stride)
 
     def __call__(self, x: Tensor) -> Tensor:
         kernel, padding = self.weight.shape[-1], self.weight.shape[-1] // 2
         groups = x.shape[1] // self.weight.shape[1]
-        if self.ends_late and self.stride > 1:
+        if self.stride > 1:
             rows, columns = (max(0, (-(-n // self.stride) - 1) * self.stride + kernel - n) for n in x.shape[-2:])
             x = functional.pad(x, (columns // 2, columns - columns // 2, rows // 2, rows - rows // 2))
             padding = 0
@@ -180,15 +178,9 @@ class EfficientNetLite:
 
     def __init__(self, tensors: Mapping[str, Tensor]) -> None:
         weights = _Weights(tensors, "EfficientNet-Lite's")
-
-        def fold(convolution: str, norm: str, stride: int = 1) -> _Convolution:
-            return _Convolution.fold(weights, convolution, norm, 1e-3, stride, ends_late=True)
-
-        self._stem, self._head, self._classes = (
-            fold("_conv_stem", "_bn0", 2),
-            fold("_conv_head", "_bn1"),
-            weights.pair("_fc"),
-        )
+        fold = partial(_Convolution.fold, weights)
+        self._stem, self._head = fold("_conv_stem", "_bn0", 2), fold("_conv_head", "_bn1")
+        self._classes = weights.pair("_fc")
         self._stages: list[list[_InvertedResidual]] = []
         channels = number = 0
         while f"_blocks.{number}._project_conv.weight" in weights:
@@ -226,117 +218,3 @@ class EfficientNetLite:
         deepest = self.features(views)[1]
         weight, bias = self._classes
         return deepest.mean((2, 3)) @ weight.to(deepest).T + bias.to(deepest)
-
-
-# Image tower of CLIP's ResNet variants; the paper compares its last convolutional layer (Radford et al. 2021)
-#
-# It is a ResNet with three changes. The stem has three convolutions and an average pool. Each stride is an average
-# pool before a convolution of stride one, which avoids aliasing. Attention replaces the mean at the end.
-
-CLIP_MEAN, CLIP_SPREAD = (0.48145466, 0.4578275, 0.40821073), (0.26862954, 0.26130258, 0.27577711)
-"""Statistics of the sRGB channels in the training of all variants of CLIP."""
-_EXPANSION = 4  # output channels of a block, relative to those inside
-_HEAD_CHANNELS = 64  # channels of one attention head
-_CELL = 32  # pixels of a side that one feature of the last layer covers
-
-
-@dataclass(frozen=True)
-class _Bottleneck:
-    """Bottleneck block: narrow, convolve, widen, with a skip connection that is adapted to the shape if needed."""
-
-    narrow: _Convolution
-    look: _Convolution
-    widen: _Convolution
-    beside: _Convolution | None
-    stride: int
-
-    def __call__(self, x: Tensor) -> Tensor:
-        inner = functional.relu(self.look(functional.relu(self.narrow(x))))
-        out = self.widen(_pool(inner, self.stride))
-        return functional.relu(out + (x if self.beside is None else self.beside(_pool(x, self.stride))))
-
-
-def _pool(x: Tensor, stride: int) -> Tensor:
-    return functional.avg_pool2d(x, stride) if stride > 1 else x
-
-
-class ClipResNet:
-    """Image tower from the tensors of OpenAI's state dict (`visual.conv1.weight` and so on).
-
-    The tensors set the size: RN50, RN101, RN50x4 and so on. Raises WeightsError if they do not fit.
-    """
-
-    def __init__(self, tensors: Mapping[str, Tensor], name: str = "CLIP ResNet") -> None:
-        self.name = name
-        self._statistics = Constant(torch.tensor((CLIP_MEAN, CLIP_SPREAD))[..., None, None])
-        advice = "give the state dict of an image tower such as RN50, or the folder of another kind"
-        mine = {key: tensor.float() for key, tensor in tensors.items() if key.startswith("visual.")}
-        weights = _Weights(mine, "those of CLIP's ResNet kind", advice)
-        self._stem = [
-            _Convolution.fold(weights, f"visual.conv{number}", f"visual.bn{number}", 1e-5, 2 if number == 1 else 1)
-            for number in (1, 2, 3)
-        ]
-        self._stages = [_stage(weights, number) for number in (1, 2, 3, 4)]
-        self._attention = {
-            part: weights.pair(f"visual.attnpool.{part}") for part in ("q_proj", "k_proj", "v_proj", "c_proj")
-        }
-        self._places = weights["visual.attnpool.positional_embedding"]  # [1 + cells, channels]
-        self.side = _CELL * round((len(self._places) - 1) ** 0.5)
-        channels = self._stages[-1][-1].widen.weight.shape[0]
-        if self._places.shape != (1 + (self.side // _CELL) ** 2, channels) or channels % _HEAD_CHANNELS:
-            raise WeightsError(
-                f"The weights have {len(self._places)} places for {channels} channels, which is not CLIP's ResNet kind."
-            )
-
-    def features(self, views: Tensor) -> tuple[Tensor, Tensor]:
-        """Returns feature maps of views [n, 3, h, w], sRGB in [0, 1]: the last layers of stages three and four.
-
-        Returns [n, c / 2, h / 16, w / 16] and [n, c, h / 32, w / 32]. Differentiable.
-        """
-        mean, spread = self._statistics.like(views)
-        x = (views - mean) / spread
-        with half_precision(views.device):
-            for convolution in self._stem:
-                x = functional.relu(convolution(x))
-            x = _pool(x, 2)
-            seen = []
-            for stage in self._stages:
-                for block in stage:
-                    x = block(x)
-                seen.append(x)
-        return seen[2].to(views), seen[3].to(views)
-
-    def embed_pictures(self, pictures: Tensor) -> Tensor:
-        """Returns embeddings of pictures [n, 3, h, w], sRGB in [0, 1]: [n, d], each of unit length. Differentiable."""
-        size = [self.side, self.side]
-        seen = self.features(functional.interpolate(pictures, size, mode="bicubic", antialias=True).clamp(0, 1))[1]
-        cells = seen.flatten(2).transpose(1, 2)  # [n, cells, c]
-        cells = torch.cat((cells.mean(1, keepdim=True), cells), 1) + self._places.to(cells)
-        query, key, value = (self._project(part, cells) for part in ("q_proj", "k_proj", "v_proj"))
-        heads = cells.shape[2] // _HEAD_CHANNELS
-        query, key, value = (
-            x.reshape(*x.shape[:2], heads, _HEAD_CHANNELS).transpose(1, 2) for x in (query[:, :1], key, value)
-        )
-        summed = functional.scaled_dot_product_attention(query, key, value)  # [n, heads, 1, channels of a head]
-        return functional.normalize(self._project("c_proj", summed.flatten(1)), dim=1)
-
-    def _project(self, part: str, x: Tensor) -> Tensor:
-        weight, bias = self._attention[part]
-        return functional.linear(x, weight.to(x), bias.to(x))
-
-
-def _stage(weights: _Weights, number: int) -> list[_Bottleneck]:
-    """Returns the blocks of one stage; each stage but the first halves the picture in its first block."""
-    blocks: list[_Bottleneck] = []
-    while not blocks or f"visual.layer{number}.{len(blocks)}.conv1.weight" in weights:
-        name = f"visual.layer{number}.{len(blocks)}"
-        narrow, look, widen = (
-            _Convolution.fold(weights, f"{name}.conv{part}", f"{name}.bn{part}", 1e-5) for part in (1, 2, 3)
-        )
-        if len(widen.bias) != _EXPANSION * len(narrow.bias):
-            raise WeightsError(f"Block {name} widens to {len(widen.bias)} channels, which is not CLIP's ResNet kind.")
-        beside = None
-        if f"{name}.downsample.0.weight" in weights:
-            beside = _Convolution.fold(weights, f"{name}.downsample.0", f"{name}.downsample.1", 1e-5)
-        blocks.append(_Bottleneck(narrow, look, widen, beside, stride=2 if number > 1 and not blocks else 1))
-    return blocks

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 import torch
 from torch import Tensor
 
-from frida_painter import registry, storage, tensor_file
+from frida_painter import registry
 from frida_painter.errors import FridaError, WeightsError
 from frida_painter.objectives.encoders.base import Encoder, Reader, Seer
 from frida_painter.registry import Later, cache_folder
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 Kept = TypeVar("Kept")
 _find_weights = Later("frida_painter.weights:find")
 _read_weights = Later("frida_painter.weights:tensors")
-_tensor_names = Later("frida_painter.weights.hub_folder:tensor_names")
 GROUP = registry.ENCODERS
 """Group of entry points in which packages register their encoders."""
 _CLIPS = {"clip-vit-b-32": "CLIP ViT-B/32", "clip-vit-l-14": "CLIP ViT-L/14"}  # the first that is here is used
@@ -49,8 +48,8 @@ class EncoderRegistry:
     """Networks of one painting.
 
     cache: folder of fetched weights; by default the usual one
-    clip: CLIP to use in place of the fetched one: the name of an installed encoder, a folder, a name on the
-    hub, or a file of CLIP's ResNet variant
+    clip: CLIP to use in place of the fetched one: the name of an installed encoder, a folder or its file of
+    weights, or a name on the hub
     device: device of the networks for pictures. Pictures on other devices work too, but more slowly.
     pictures: folder of the person's own pictures of objects
     tell: receives a sentence about each wait
@@ -121,8 +120,13 @@ class EncoderRegistry:
         """Returns the requested or the fetched CLIP; None if there is none."""
         from frida_painter.objectives.encoders.clip import Clip
 
-        if self._clip is None and self._clip_source is not None:
-            self._clip = self._load_clip(self._clip_source)
+        source = self._clip_source
+        if self._clip is None and source is not None:
+            point = next(iter(entry_points(group=GROUP, name=source)), None)
+            if point is not None:
+                self._clip = _load_plugin(point, self.device)
+            else:
+                self._clip = Clip.load(source, cache=self.cache, tell=self.tell, heed=self.heed)
         elif self._clip is None:
             found = ((_find_weights(known, self.cache), called) for known, called in _CLIPS.items())
             self._clip = next((Clip.load(folder, called) for folder, called in found if folder is not None), None)
@@ -238,19 +242,6 @@ class EncoderRegistry:
             self._loaded[key] = make({part: tensor.to(self.device) for part, tensor in tensors.items()})
             self._note(choice)
         return cast(Kept, self._loaded[key])
-
-    def _load_clip(self, source: str) -> Encoder:
-        """Returns the encoder of an installed package, or the CLIP of a file, a folder or a hub's name."""
-        from frida_painter.objectives.encoders.clip import Clip
-        from frida_painter.objectives.encoders.convolutional import ClipResNet
-
-        for point in entry_points(group=GROUP, name=source):
-            return _load_plugin(point, self.device)
-        path = storage.in_home(source)
-        if storage.exists(path) and any(name.startswith("visual.layer1.") for name in _tensor_names(path)):
-            tensors, _ = tensor_file.read_tensors(path, "the weights of a CLIP", WeightsError)
-            return ClipResNet({name: tensor.to(self.device) for name, tensor in tensors.items()}, f"CLIP {path.stem}")
-        return Clip.load(source, cache=self.cache, tell=self.tell, heed=self.heed)
 
 
 def _load_plugin(point: EntryPoint, device: torch.device) -> Encoder:

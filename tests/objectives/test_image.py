@@ -4,11 +4,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter import images
-from frida_painter.frames import PixelGrid
-from frida_painter.objectives.image import ImageTerm, fit_and_sharpen
+from frida_painter.frames import PixelGrid, Rows
+from frida_painter.objectives.image import ImageTerm, Replication, fit_and_sharpen
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.objectives.style import StyleTerm
 from support.networks import QuickEncoders
 from support.planning import CANVAS, picture
 
@@ -51,12 +50,6 @@ def test_photographs_are_planned_towards_sharper_and_forecast_as_they_are() -> N
     assert term.with_picture(1 - step()).guide is not wanted, "another picture is sharpened for itself"
 
 
-def test_beside_a_style_a_photograph_stays_as_it_is() -> None:
-    goal, grid = Goal((ImageTerm(picture()), StyleTerm(1 - picture()))), PixelGrid.of_height(CANVAS, 24)
-    plain, sharp = (interpret_goal(goal, grid, QuickEncoders(), 0, sharpness=much).terms[0] for much in (0.0, 1.0))
-    assert torch.equal(sharp.guide, plain.guide)
-
-
 def test_it_is_as_sharp_on_the_canvas_at_any_resolution() -> None:
     found = []
     for rows in (96, 192):
@@ -65,3 +58,35 @@ def test_it_is_as_sharp_on_the_canvas_at_any_resolution() -> None:
         (term,) = interpret_goal(Goal((ImageTerm(large),)), grid, QuickEncoders(), 0, sharpness=0.5).terms
         found.append(images.fit(term.guide, 96, GRID.columns))
     assert float((found[0] - found[1]).abs().mean()) < 0.004
+
+
+COARSE = PixelGrid.of_height(CANVAS, 24)
+
+
+def test_what_matters_more_counts_more_and_noise_costs_its_variance() -> None:
+    chance = torch.Generator().manual_seed(0)
+    target, picture = torch.rand(2, 3, COARSE.rows, COARSE.columns, generator=chance)
+    matters = torch.ones(COARSE.rows, COARSE.columns)
+    matters[:6] = 4.0
+    plain, weighed = (Replication.of(target, COARSE), Replication.of(target, COARSE, matters / matters.mean()))
+    assert torch.isclose(plain(picture), (picture - target).square().mean()) and float(plain(target)) == 0
+    above, below = target.clone(), target.clone()
+    above[:, :6], below[:, -6:] = 0.5, 0.5
+    assert float(weighed(above) / plain(above)) > 3.5 * float(weighed(below) / plain(below))
+    noise = 0.1 * torch.randn(200, 3, COARSE.rows, COARSE.columns, generator=chance)
+    for judge in (plain, weighed):
+        seen = torch.stack([judge(picture + one) for one in noise]).mean()
+        told = judge(picture) + judge.of_variance(torch.full_like(picture[0], 0.01))
+        assert torch.isclose(seen, told, rtol=0.02)
+
+
+def test_the_mean_over_the_rows_turns_is_what_the_whole_picture_is_judged_as() -> None:
+    chance = torch.Generator().manual_seed(1)
+    target, picture, (variance, *_) = torch.rand(3, 3, COARSE.rows, COARSE.columns, generator=chance)
+    matters = torch.rand(COARSE.rows, COARSE.columns, generator=chance)
+    for judge in (Replication.of(target, COARSE), Replication.of(target, COARSE, matters / matters.mean())):
+        turns = [Rows(4, first) for first in range(4)]
+        seen = torch.stack([judge.on_rows(rows)(rows.of(picture)) for rows in turns])
+        varies = torch.stack([judge.on_rows(rows).of_variance(rows.of(variance)) for rows in turns])
+        assert float(seen.std()) > 0
+        assert torch.isclose(seen.mean(), judge(picture)) and torch.isclose(varies.mean(), judge.of_variance(variance))
