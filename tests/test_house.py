@@ -76,7 +76,7 @@ OWN_FILES = {
     "weights/archive.py",
     "weights/cache.py",
     "weights/sources.py",
-    "objectives/faces.py",
+    "objectives/attention.py",
     "plugins/__init__.py",
     "registry.py",
     "weights/catalogue.py",

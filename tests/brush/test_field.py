@@ -9,7 +9,6 @@ from frida_painter import tensor_file
 from frida_painter.brush.field import PathView, StrokeField
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import WeightsError
-from frida_painter_calibration.teaching.param2stroke import Param2Stroke
 from marks import SMALL, shapes, small_frame
 
 
@@ -17,10 +16,6 @@ from marks import SMALL, shapes, small_frame
 def saved(tmp_path: Path) -> Path:
     StrokeField.fresh(SMALL, seed=3).save(tmp_path / "small.safetensors")
     return tmp_path / "small.safetensors"
-
-
-def test_no_strokes_give_no_maps():
-    assert StrokeField("small", small_frame(), SMALL.limits)(*(torch.zeros(0) for _ in range(3))).shape == (0, 24, 42)
 
 
 def test_it_is_differentiable_in_the_shape_of_the_stroke():
@@ -66,15 +61,6 @@ def test_weights_come_back_as_they_were(saved):
     assert not any(parameter.requires_grad for parameter in again.parameters())
 
 
-def test_each_kind_of_weights_is_told_from_the_other(saved, tmp_path):
-    Param2Stroke.fresh(SMALL).save(tmp_path / "paper.safetensors")
-    assert isinstance(load_stroke_model(tmp_path / "paper.safetensors"), Param2Stroke)
-    with pytest.raises(WeightsError):
-        Param2Stroke.load(saved)
-    with pytest.raises(WeightsError):
-        StrokeField.load(tmp_path / "paper.safetensors")
-
-
 def test_weights_of_another_shape_missing_or_nan_are_refused(saved):
     tensors, metadata = tensor_file.read_tensors(saved, "weights")
     broken = (
@@ -108,12 +94,6 @@ def seen(place, length, bend, blend=BLEND):
     return PathView.of(place, stroke, *(torch.tensor([part], dtype=torch.float64) for part in (length, bend)), blend)
 
 
-@given(st.floats(-0.02, 0.06), st.floats(-0.02, 0.02), st.floats(0.01, 0.05))
-def test_along_a_straight_path_the_view_is_exact(x, y, length):
-    view = seen([[x, y]], length, 0.0)
-    torch.testing.assert_close(torch.stack((view.along, view.ahead, view.aside)), _column(x, length - x, y))
-
-
 @given(st.floats(-0.02, 0.06), st.floats(-0.02, 0.02), st.floats(-0.02, 0.02))
 def test_a_mirrored_stroke_sees_a_mirrored_place_on_its_other_side(x, y, bend):
     one, other = seen([[x, y]], 0.03, bend), seen([[x, -y]], 0.03, -bend)
@@ -140,19 +120,3 @@ def test_it_changes_smoothly_with_the_stroke_even_inside_a_tight_bend():
 
     shape = [torch.tensor([part], dtype=torch.float64, requires_grad=True) for part in (1.0, 1.5)]
     assert torch.autograd.gradcheck(view, shape)
-
-
-def test_places_belong_to_the_strokes_that_they_name():
-    length, bend = torch.tensor([0.02, 0.05]), torch.tensor([0.01, -0.01])
-    place = torch.tensor([[0.01, 0.0], [0.02, 0.003]])
-    both = PathView.of(place, torch.tensor([1, 0]), length, bend, BLEND)
-    for index, stroke in enumerate((1, 0)):
-        alone = PathView.of(
-            place[index : index + 1], torch.zeros(1, dtype=torch.long), length[stroke, None], bend[stroke, None], BLEND
-        )
-        torch.testing.assert_close(both.along[index], alone.along[0])
-        torch.testing.assert_close(both.aside[index], alone.aside[0])
-
-
-def _column(*numbers: float) -> torch.Tensor:
-    return torch.tensor(numbers, dtype=torch.float64)[:, None]

@@ -110,30 +110,11 @@ def test_a_shape_that_is_not_finite_gives_no_number(table):
     assert bool(magnitude[0].isnan().any()) and bool(magnitude[1].isfinite().all())
 
 
-def test_a_model_without_marks_has_a_table_without_marks():
-    bare = ribbon()
-    nothing = StrokeFunction(SMALL, lambda h, *_: torch.zeros(len(h), 24, 42), bare.frame)
-    assert float(StrokeTable.of(nothing, detail=DETAIL)(*shapes(8)).abs().amax()) == 0
-
-
 @given(place=st.floats(0, 1), spans=st.integers(1, 20))
 def test_weights_sum_to_one(place, spans):
     first, weight = weights(torch.tensor([place], dtype=torch.float64), spans)
     assert 0 <= int(first) <= spans - 1
     torch.testing.assert_close(weight.sum(), torch.tensor(1.0, dtype=torch.float64))
-
-
-def test_the_derivative_of_a_spline_is_continuous():
-    knots = torch.tensor([0.3, -1.0, 2.0, 0.5, 0.1, -0.7, 1.2, 0.4], dtype=torch.float64)
-
-    def slope(place):
-        at = torch.tensor([place], dtype=torch.float64, requires_grad=True)
-        first, weight = weights(at, 5)
-        (found,) = torch.autograd.grad((knots[first[:, None] + torch.arange(4)] * weight).sum(), at)
-        return found
-
-    for place in (0.2, 0.4, 0.6, 0.8):
-        torch.testing.assert_close(slope(place - 1e-9), slope(place + 1e-9), atol=1e-6, rtol=0)
 
 
 def test_a_fitted_spline_reproduces_any_cubic():
@@ -262,11 +243,6 @@ def test_a_damaged_one_is_made_anew(tmp_path, content):
     path.write_bytes(content)
     assert same(cached_table(ribbon(), COARSE, tmp_path), made)
     assert path.read_bytes() == whole
-
-
-def test_without_a_folder_to_write_to_it_is_made_every_time(tmp_path):
-    (tmp_path / "file").touch()
-    assert same(cached_table(ribbon(), COARSE, tmp_path / "file"), StrokeTable.of(ribbon(), detail=COARSE))
 
 
 def test_only_so_many_are_kept(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
 from frida_painter.mixing import Finish
-from frida_painter.mixing.paint import Paint, color_of, find_acrylic, mix_reflectance, usual_paints
+from frida_painter.mixing.paint import Paint, color_of, mix_reflectance, usual_paints
 from frida_painter.mixing.recipe import (
     _PER_DOUBLING,
     _PER_PAINT,
@@ -124,12 +124,6 @@ def test_no_recipe_with_one_part_more_or_less_would_be_better() -> None:
 
     for index, sign in itertools.product((at for at, count in enumerate(here) if count), (-1, 1)):
         assert cost(here) <= cost([count + sign * (at == index) for at, count in enumerate(here)]) + 1e-6
-
-
-def test_one_paint_is_all_there_is() -> None:
-    white = find_acrylic("titanium white")
-    (found,) = recipes(torch.tensor([[0.2, 0.3, 0.4]]), [white])
-    assert found.words == "1 titanium white" and not found.within_reach
 
 
 @pytest.mark.parametrize(("paints", "most"), [([], 4), (SIX, 0), (SIX, 5)])

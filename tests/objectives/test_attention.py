@@ -56,16 +56,6 @@ def test_a_goal_that_begins_with_what_is_meant_begins_where_its_meaning_is() -> 
     assert goal.initial_terms == goal.initial
 
 
-def test_other_goals_ask_no_network() -> None:
-    meant = SemanticTerm(picture())
-    for goal in (
-        Goal((ImageTerm(picture()),)),
-        Goal((ImageTerm(picture()), meant)),
-        Goal((meant,), (ImageTerm(picture()),)),
-    ):
-        assert start_from_meaning(goal, NoEncoderRegistry()) is goal
-
-
 def test_importance_is_fitted_as_the_picture_is() -> None:
     matters = torch.ones(40, 80)
     matters[:, :20] = 9
@@ -128,9 +118,3 @@ def test_importance_is_one_in_the_mean_and_never_nothing(found: list[Face]) -> N
     matters = importance_of(found, 40, 60)
     assert matters.shape == (40, 60) and float(matters.mean()) == pytest.approx(1, rel=1e-4)
     assert float(matters.min()) > 0.1 and float(matters.max()) <= 7 * float(matters.min()) * 1.0001
-
-
-def test_a_face_matters_seven_times_as_much_as_what_is_far_from_it() -> None:
-    matters = importance_of([Face(0.5, 0.25, 0.3, 0.2)], 80, 100)
-    assert float(matters[40, 25] / matters[40, 90]) == pytest.approx(7)
-    assert 1 < float(matters[40, 25 + 14] / matters[40, 90]) < 7, "it ends softly"

@@ -101,11 +101,6 @@ def pursued(*terms) -> Goal:
     return interpret_goal(Goal(terms), GRID, QuickEncoders(), seed=0)
 
 
-def test_a_picture_alone_is_painted_as_it_is() -> None:
-    goal = Goal((ImageTerm(picture()),))
-    assert interpret_goal(goal, GRID, QuickEncoders(), seed=0) is goal
-
-
 def test_words_in_a_style_begin_with_a_picture_in_the_styles_colors() -> None:
     plain, styled = pursued(TextTerm("a lemon")), pursued(TextTerm("a lemon"), StyleTerm(1 - picture()))
     (first,), (instead,) = plain.initial, styled.initial

@@ -8,7 +8,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm, in_style_colors
-from frida_painter.objectives.style_flow import brushwork_of, change_by_place, styles_of
+from frida_painter.objectives.style_flow import brushwork_of
 from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style_marks
 from frida_painter.palette import from_lab, to_lab
 from frida_painter_words.text import TextTerm
@@ -122,10 +122,3 @@ def test_strokes_follow_each_style_at_its_places() -> None:
     assert found is not None
     turned = found[0]  # 1 along the x axis, -1 across it
     assert float(turned[:, :16].mean()) < 0 < float(turned[:, -16:].mean())
-
-
-def test_three_styles_share_a_picture_without_rest() -> None:
-    styles = styles_of(Goal((StyleTerm(RED), StyleTerm(DEEP_BLUE, 2.0), StyleTerm(0.5 * RED))))
-    assert [term.weight for term in styles] == [2.0, 1.0, 1.0], "from dark to light"
-    whole = change_by_place(dusk(), styles, lambda style: torch.ones(1, 64, 80))
-    torch.testing.assert_close(whole, torch.ones(1, 64, 80))

@@ -52,11 +52,6 @@ def test_stripes_make_long_marks_and_dots_short_ones_and_fine_ones_become_larger
     assert mark_size(dots(2))[1] >= 0.03, "no brush paints finer"
 
 
-@pytest.mark.parametrize("gray", [0.0, 0.5])
-def test_a_picture_without_marks_has_some_size(gray: float) -> None:
-    assert all(math.isfinite(side) for side in mark_size(torch.full((3, 40, 50), gray)))
-
-
 def test_a_goal_has_the_brushwork_of_its_style_and_faces_are_free() -> None:
     grid, style = PixelGrid.of_height(CANVAS, 48), stripes(0.3)
     assert brushwork_of(Goal((ImageTerm(stripes(1.0)),)), grid) is None

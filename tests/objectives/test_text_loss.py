@@ -132,20 +132,6 @@ def test_words_that_are_cut_off_are_told_of_once(monkeypatch: pytest.MonkeyPatch
     assert "the last were cut off" in remark and len(remark) < 120
 
 
-def test_what_is_seen_is_square_and_not_squeezed() -> None:
-    class Circle(Toy):
-        def embed_pictures(self, pictures: torch.Tensor) -> torch.Tensor:
-            dark = pictures[0, 0] < 0.5
-            assert abs(int(dark.any(0).sum()) - int(dark.any(1).sum())) <= 1
-            return super().embed_pictures(pictures)
-
-    y, x = torch.meshgrid(torch.arange(60) - 29.5, torch.arange(120) - 59.5, indexing="ij")
-    disc = ((x.square() + y.square()).sqrt() > 20).float().expand(3, -1, -1)
-    words = Text("red", Circle(), seed=0)
-    words._views._maps = torch.eye(3).expand(24, 3, 3)
-    words.validation(disc)
-
-
 READER, BUDGET = RandomReader(), ClipWork(4, 24, 10)
 
 
@@ -163,19 +149,6 @@ def test_a_network_finds_its_wish_in_coarse_colours() -> None:
     assert torch.equal(found, color_in(wish, READER, (30, 40), 0, BUDGET))
     hasty = color_in(wish, READER, (30, 40), 0, ClipWork(4, 2, 10))
     assert float(wish(hasty[None])) > 2 * float(wish(found[None]))
-
-
-def test_the_time_is_told_after_the_second_step() -> None:
-    looks: list[int] = []
-    told: list[tuple[int, str]] = []
-
-    def wish(pictures: torch.Tensor) -> torch.Tensor:
-        looks.append(len(pictures))
-        return pictures.mean((1, 2, 3))
-
-    color_in(wish, READER, (30, 40), 0, ClipWork(4, 5, 10), tell=lambda said: told.append((len(looks), said)))
-    ((after, sentence),) = told
-    assert after == 2 < len(looks) and sentence.startswith("A first picture is coloured for the words, in about ")
 
 
 def test_a_first_picture_that_takes_longer_is_told_anew(monkeypatch: pytest.MonkeyPatch) -> None:

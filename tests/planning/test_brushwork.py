@@ -50,12 +50,6 @@ def test_as_many_turn_as_the_direction_is_sure_and_free_strokes_stay() -> None:
         torch.testing.assert_close(after.arrays()[name], values, msg=name)
 
 
-def test_strokes_get_the_wanted_length() -> None:
-    _, after = turned(field(0.7, 0.0))
-    assert float(after.length.log().mean().exp()) == pytest.approx(LENGTH, rel=0.1)
-    assert float(after.thickness.std()) < 1e-6
-
-
 def test_where_the_direction_turns_strokes_bend_with_it_and_are_shorter() -> None:
     """About the middle of the canvas it goes in circles: strokes lie along them, ends nearer than chords."""
     y, x = torch.meshgrid(torch.linspace(0.045, -0.045, 48), torch.linspace(-0.06, 0.06, 64), indexing="ij")

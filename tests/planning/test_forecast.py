@@ -22,7 +22,7 @@ from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_o
 from frida_painter.planning.optimize import stacked_moments
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import PlanningProblem, PlanningProblems
+from frida_painter.planning.problem import PlanningProblem
 from frida_painter.render import composite
 from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes
 from support.plans import in_layers, made_up_plan
@@ -51,13 +51,6 @@ def test_it_expects_the_squared_error_of_all_paintings_of_the_plan() -> None:
     error = float((mean - photograph(on)).square().mean() + variance.mean())
     assert found.expected == pytest.approx(-10 * math.log10(error), abs=1e-4)
     assert found.least < found.expected < found.most
-
-
-def test_marks_that_vary_more_promise_less() -> None:
-    strokes = some_strokes(12)
-    little, much = (forecast(goal(), [strokes], [on], Placement.unknown(), 0) for on in (varying(0.1), varying(0.9)))
-    assert much.expected < little.expected
-    assert much.most - much.least > little.most - little.least
 
 
 def test_the_range_by_chance_is_that_of_strokes_that_leave_more_or_less_paint() -> None:
@@ -189,15 +182,6 @@ def test_the_strokes_that_would_be_missed_least_go_first() -> None:
         sum(number >= 6 for number in torch.argsort(order)[:10].tolist()),
         sum(number >= 6 for number in torch.argsort(order)[10:].tolist()),
     ]
-
-
-def test_without_a_picture_that_guides_strokes_count_by_the_area_in_which_they_are_seen(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(PlanningProblems, "guide", lambda self, problem: None)
-    found = fading(plan_in_layers(7))
-    assert float(found.square.sum()) == pytest.approx(1) and float(found.square.min()) >= 0
-    assert not bool(found.slope.any())
 
 
 @pytest.mark.parametrize("failure", [MemoryError(), RuntimeError("[enforce fail] not enough memory")])

@@ -56,15 +56,6 @@ def test_rows_are_as_far_apart_at_any_resolution_and_nearer_for_smaller_marks(
         assert len(interlace_rows([on])) == count
 
 
-def test_a_small_canvas_is_looked_at_by_32_rows_at_least() -> None:
-    judge = prepare(goal(), PixelGrid.of_height(PAPER, 32))
-    on = PlanningProblem(
-        torch.empty(3, 256, 1), CanvasSize(0.03, 0.03), BezierStroke.typical(BROAD), judge,
-        objective_on_rows=judge.on_rows,
-    )  # fmt: skip
-    assert len(interlace_rows([on])) == 8
-
-
 @pytest.mark.parametrize("guarded", [False, True], ids=["all free", "some protected"])
 def test_the_turns_have_the_cost_and_the_slopes_of_the_whole_in_the_mean(guarded: bool) -> None:
     on = by_rows()
@@ -102,14 +93,6 @@ def test_what_comes_back_is_never_worse_however_wild_the_steps(pace: float, iter
         found, _ = optimize(strokes, on, iterations=iterations, pace=pace)
         assert judged(found, on) <= judged(strokes, on) + 1e-7
         found.check(on.limits, CANVAS)
-
-
-def test_plans_become_as_good_as_with_all_rows() -> None:
-    on, strokes = by_rows(), some_strokes(25)
-    some, _ = optimize(strokes, on, iterations=40)
-    every, _ = optimize(strokes, replace(on, objective_on_rows=None), iterations=40)
-    won = judged(strokes, on) - judged(every, on)
-    assert judged(strokes, on) - judged(some, on) > 0.97 * won
 
 
 def test_steps_tell_the_loss_of_what_was_looked_at() -> None:

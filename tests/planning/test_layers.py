@@ -92,12 +92,6 @@ def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan
     assert [step.iteration for step in steps][-1] == steps[-1].of
 
 
-def test_other_paints_bind_each_layer_from_light_to_dark_of_the_plan(plan: Plan) -> None:
-    mixed = Palette(plan.palette.color * 0.95)
-    bound = planner().bind_to_palette(plan, BARE, mixed)
-    assert bound.layer_sizes == plan.layer_sizes and torch.equal(bound.palette.color, mixed.color)
-
-
 def test_steps_show_what_lies_below_and_are_as_many_as_were_told() -> None:
     by, steps = planner(), []
     by.plan(BARE, 30, 4, steps.append)
@@ -147,13 +141,6 @@ def test_what_was_mixed_for_a_layer_binds_only_what_is_painted_from_these_wells(
     mixed = Palette(first.palette.color * 0.9)
     one, other = by.bind_to_palette(plan, BARE, mixed).by_layer()
     assert torch.equal(one.palette.color, mixed.color) and other.digest == second.digest
-
-
-def test_of_themselves_only_many_strokes_towards_a_picture_get_a_second_brush() -> None:
-    assert two_brushes().layer_kinds(200) == ("small", "finer")
-    assert two_brushes(shares=(0.5, 0.5)).layer_sizes(200) == (100, 100)
-    assert two_brushes().layer_kinds(40) == ("small",) and two_brushes().layer_sizes(40) == (40,)
-    assert planner(3).layer_kinds(40) == ("small",) * 3
 
 
 def test_brushes_that_do_not_fit_are_refused() -> None:

@@ -132,14 +132,6 @@ def test_a_plan_is_bound_to_what_was_really_mixed_and_polished() -> None:
     assert by.validation_loss(by.expected(bound, BARE)) < by.validation_loss(by.expected(blind, BARE))
 
 
-def test_planning_again_is_never_worse_and_takes_photographs_of_any_size() -> None:
-    by, plan = planner(), planned(12)
-    photograph = torch.rand(3, 200, 266, generator=torch.Generator().manual_seed(0))
-    again = by.replan(plan, photograph, lambda step: None)
-    assert by.validation_loss(by.expected(again, photograph)) <= by.validation_loss(by.expected(plan, photograph))
-    assert len(by.replan(plan.part(slice(0, 0)), photograph, lambda step: None)) == 0
-
-
 def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fault F29: values that are not finite while planning."""
     by, plan = planner(), planned(8)
@@ -237,15 +229,6 @@ def test_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_s
     assert by.validation_loss(by.expected(again, photograph)) < by.validation_loss(by.expected(plan, photograph))
     starving(0)
     assert by.replan(plan, photograph, lambda step: None) is plan
-
-
-def test_failures_of_another_kind_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(*args: object, **rest: object) -> None:
-        raise RuntimeError("shapes do not match")
-
-    monkeypatch.setattr("frida_painter.planning.layers.optimize_together", broken)
-    with pytest.raises(RuntimeError, match="shapes"):
-        planner().replan(planned(8), BARE * 0.7, lambda step: None)
 
 
 def test_the_time_of_a_plan_is_measured_before_it_begins_and_changes_nothing(tmp_path: Path) -> None:

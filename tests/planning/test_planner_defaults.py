@@ -10,7 +10,6 @@ import torch
 from frida_painter import images
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.table import StrokeTable
-from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm
@@ -28,7 +27,6 @@ from marks import coarse_table
 from support.networks import QuickEncoders
 from support.planning import goal, picture, plain, small_table
 
-SHAPES = ((120, 160), (160, 120))
 # The field of RunSpec for a setting: both have the same default, unless the description leaves it open (None).
 NAMES = {"size": "canvas", "model": "brushes", "rows": "render_height"}
 LEFT_OPEN = {"layers", "shares", "new_paints", "ground", "darkest"}
@@ -137,13 +135,6 @@ def test_what_is_usual_depends_on_the_kinds_of_a_goal_that_has_no_description(co
     assert planner.brushes == said.brush_names == ("broad", "fine") and wanted_ground(said) == "scene"
     own = Goal((make_goal(objective=lambda seen: seen.mean()).terms[0],))
     assert str(make_planner(own, strokes=10, **QUICK).plan().canvas) == str(RunSpec().canvas)
-
-
-def test_the_usual_canvas_has_the_proportions_of_the_picture(coarse_brushes: None) -> None:
-    usual = RunSpec().canvas
-    lying, upright = (make_planner(Goal((ImageTerm(picture(*shape)),)), strokes=9, **QUICK) for shape in SHAPES)
-    assert str(lying.size) == str(usual.crop_like(*SHAPES[0]))
-    assert upright.size == CanvasSize(lying.size.height, lying.size.width)
 
 
 def test_stroke_models_of_one_s_own_take_the_place_of_the_brushes(coarse_brushes: None) -> None:

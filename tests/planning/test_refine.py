@@ -176,11 +176,6 @@ def test_a_well_that_twins_shared_goes_to_the_accent_that_was_drowned() -> None:
     assert torch.allclose(palette.color[palette.color[:, 1].argmax()], greens.mean(0), atol=5e-3)
 
 
-def test_where_one_colour_is_all_there_is_one_well() -> None:
-    color = torch.full((9, 3), 0.4)
-    assert len(distinct(Palette.cluster(color, torch.ones(9), 5, 0), color, torch.ones(9), HARDLY_APART)) == 1
-
-
 def test_paints_that_grew_alike_become_one_and_strokes_keep_theirs() -> None:
     color = from_lab(torch.tensor([[80.0, 0, 0], [50, 40, 0], [51, 40, 0], [20, 0, 0]]))
     paints = without_twins(Paints(color, torch.tensor([0, 1, 1, 2, 3])), HARDLY_APART)

@@ -10,8 +10,7 @@ import torch
 
 from frida_painter.brush.kinds import CoverageSpread
 from frida_painter.errors import ConfigError
-from frida_painter.frames import PixelGrid
-from frida_painter.objectives.interpretation import WeightedObjective, prepare
+from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.objective import ObjectiveTerm
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import best_proposals
@@ -20,17 +19,14 @@ from frida_painter.planning.optimize import (
     Step,
     StrokesInScene,
     find_renewals,
-    interlace_rows,
     optimize,
     optimize_together,
     stacked_cost,
-    stacked_loss,
     take_turns,
 )
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblem, Region
 from frida_painter.planning.variables import Paints
-from frida_painter.strokes import Strokes
 from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes, target
 
 
@@ -163,35 +159,11 @@ def test_paints_of_later_layers_may_change_until_they_are_mixed(fresh: bool) -> 
     assert again.layer_sizes == rest.layer_sizes == (0, second - (0 if fresh else 2), plan.layer_sizes[2])
 
 
-def test_layers_that_share_their_wells_keep_them() -> None:
-    by = planner(new_paints=False)
-    plan = by.plan(strokes=36, colors=4)
-    assert len(plan.palette) <= 4 and len({layer.paints for layer in plan.layers}) == 1
-    rest = plan.part(slice(5, None))
-    again = by.replan(rest, by.expected(plan.part(slice(0, 5))) * 0.95)
-    assert torch.equal(again.palette.color, rest.palette.color)
-
-
 def test_more_paints_than_a_plan_has_are_refused_before_anything_is_planned() -> None:
     steps: list[Step] = []
     with pytest.raises(ConfigError, match=r"24 paints for each of 3 layers .* at most 64: give --colors 21 or fewer"):
         planner().plan(strokes=36, colors=24, notify=steps.append)
     assert steps == []
-
-
-def test_some_rows_in_turn_say_of_several_parts_what_all_rows_say() -> None:
-    bare = varying(240)
-    judge = prepare(goal(), PixelGrid(CANVAS, *bare.canvas.shape[1:]))
-    on = replace(bare, objective=judge, objective_on_rows=judge.on_rows)
-    parts: list[Strokes] = [some_strokes(8, 1), some_strokes(6, 2)]
-    problems = [on, on]
-    turns = interlace_rows(problems)
-    assert len(turns) == 2
-    with torch.no_grad():
-        mean = torch.stack([stacked_loss(parts, turn) for turn in turns]).mean()
-        torch.testing.assert_close(mean, stacked_loss(parts, problems), rtol=1e-4, atol=1e-7)
-    whole = replace(on, objective_on_rows=None)
-    assert interlace_rows([on, whole]) == [[on, whole]], "one that needs all rows decides"
 
 
 def test_what_networks_judge_is_grown_more_and_settled_in_fewer_rounds() -> None:

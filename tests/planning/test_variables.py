@@ -1,12 +1,11 @@
 import math
 
-import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.palette import Palette, to_lab
+from frida_painter.palette import to_lab
 from frida_painter.planning.variables import Paints, Variables, as_palette
 from frida_painter.strokes import GROUPS, StrokeLimits
 from support.planning import some_strokes
@@ -58,12 +57,6 @@ def test_the_order_goes_from_light_to_dark_and_keeps_equals_as_they_were(
             assert bool((mine.diff() > 0).all())
 
 
-def test_colours_that_are_not_to_vary_are_no_leaves() -> None:
-    fixed = Variables(some_strokes(3), None, vary_colors=False)
-    assert len(fixed.leaves) == 1 and fixed.leaves[0].shape == (3, 6)
-    assert len(Variables(some_strokes(3), None, vary_colors=True).leaves) == 2
-
-
 def test_gradients_arrive_in_every_variable() -> None:
     variables = Variables(some_strokes(4, dtype=F64), None, vary_colors=True)
 
@@ -101,12 +94,6 @@ def test_as_palette_renumbers_paints_from_light_to_dark_and_loses_no_stroke(coun
     before = sorted(zip(strokes.length.tolist(), paints.color[paints.paint].tolist(), strict=True))
     after = sorted(zip(ordered.length.tolist(), ordered.color.tolist(), strict=True))
     assert before == after
-
-
-def test_a_palette_that_left_srgb_is_brought_back() -> None:
-    paints = Paints(torch.tensor([[1.02, 0.5, -0.01]]), torch.zeros(2, dtype=torch.long))
-    assert as_palette(some_strokes(2), paints)[1].color[0].tolist() == pytest.approx([1.0, 0.5, 0.0])
-    assert isinstance(as_palette(some_strokes(2), paints)[1], Palette)
 
 
 @given(st.integers(1, 20), st.integers(1, 5), st.integers(0, 2**31))

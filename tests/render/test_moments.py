@@ -48,29 +48,6 @@ def test_it_equals_the_reference_with_every_gradient(
 
 
 @PATHS
-def test_gradcheck(composite) -> None:
-    tensors = scene(2, (3, 4), (4, 5))
-    leaves = [tensor.requires_grad_() for tensor in (*tensors, uncertain(tensors))]
-    assert torch.autograd.gradcheck(lambda *parts: composite(*parts[:4], CoverageSpread(0.4, 0.9), parts[4]), leaves)
-
-
-@PATHS
-def test_strokes_on_what_strokes_left_are_all_of_them_in_one_go(composite) -> None:
-    tensors, spread = scene(14, (6, 8), (20, 30), spread=0.6), CoverageSpread(0.5, 0.95)
-    whole = composite(*tensors, spread)
-    under, over = ((*(tensor[part] for tensor in tensors[:3]),) for part in (slice(9), slice(9, None)))
-    mean, variance = composite(*under, tensors.canvas, spread)
-    assert_same(list(composite(*over, mean, spread, variance)), list(whole))
-
-
-@PATHS
-def test_a_hundred_strokes_over_one_another_equal_the_reference(composite) -> None:
-    tensors, spread = scene(100, (5, 7), (9, 8), spread=0.6), CoverageSpread(0.5, 0.97)
-    theirs = with_gradients(reference.composite_moments, tensors, spread)
-    assert_same(with_gradients(composite, tensors, spread), theirs)
-
-
-@PATHS
 def test_strokes_that_never_vary_leave_the_plain_picture_and_no_variance(composite) -> None:
     tensors = scene(20, (6, 8), (20, 30))
     mean, variance = composite(*tensors, CERTAIN)
