@@ -193,7 +193,7 @@ class Strokes:
         return self._each(lambda tensors: tensors.detach())
 
     def _each(self, change: Callable[[Any], Any]) -> Self:
-        """Returns the strokes with `change` made to each array and to what was taught."""
+        """Returns the strokes with `change` made to each array, and to families and codes."""
         parts = {**self.arrays(), "taught": self.taught}
         return replace(self, **{name: part if part is None else change(part) for name, part in parts.items()})
 

@@ -107,7 +107,3 @@ def test_the_studio_shows_a_painting_of_0_1_with_that_sentence(tmp_path: Path) -
     states = FeedStates()
     for _ in range(2):
         assert "use version 0.2.0" in states.current(folder, PaintingState)["trouble"]
-
-
-def test_a_plan_of_0_1_is_read_as_those_of_0_2_were_for_some_time() -> None:
-    assert len(Plan.load(OLDER / "first")) == 4
