@@ -7,6 +7,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from frida_painter.brush.kinds import CoverageSpread
+
 F64 = torch.float64
 Composite = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
 
@@ -65,6 +67,17 @@ def with_gradients(composite: Composite, tensors: Scene, wanted: tuple[bool, ...
     gradients = torch.autograd.grad(picture, asked, upstream(picture), allow_unused=True)
     zeros = (torch.zeros_like(leaf) if part is None else part for leaf, part in zip(asked, gradients, strict=True))
     return [picture.detach(), *zeros]
+
+
+def moments_with_gradients(composite, tensors: Scene, spread: CoverageSpread, device: str | torch.device = "cpu"):
+    """Both moments, and the gradients of a random mixture of them to all tensors and the canvas's variance."""
+    uncertain = upstream(tensors.canvas[0], 3).square() * 0.1
+    leaves = [tensor.detach().to(device).requires_grad_() for tensor in (*tensors, uncertain)]
+    mean, variance = composite(*leaves[:4], spread, leaves[4])
+    mixture = (upstream(mean.cpu(), 1).to(mean) * mean).sum() + (upstream(variance.cpu(), 2).to(mean) * variance).sum()
+    gradients = torch.autograd.grad(mixture, leaves, allow_unused=True)
+    zeros = [torch.zeros_like(leaf) if part is None else part for leaf, part in zip(leaves, gradients, strict=True)]
+    return [part.detach().cpu() for part in (mean, variance, *zeros)]
 
 
 def assert_same(ours: list[Tensor], theirs: list[Tensor], within: float = 1e-9) -> None:

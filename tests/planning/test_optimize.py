@@ -120,17 +120,6 @@ def test_one_step_that_is_not_finite_is_discarded_and_the_best_is_kept() -> None
     assert all(bool(torch.isfinite(part).all()) for part in found.arrays().values())
 
 
-def test_steps_are_told_one_by_one() -> None:
-    steps: list[Step] = []
-    strokes = some_strokes(5)
-    optimize(strokes, PROBLEM, iterations=6, notify=steps.append)
-    assert [(step.iteration, step.of) for step in steps] == [(number, 6) for number in range(1, 7)]
-    assert steps[0].loss == pytest.approx(judged(strokes), rel=1e-4)
-    for step in steps:
-        ((brush, shown),) = step.parts
-        assert brush == PROBLEM.model.brush and judged(shown) == pytest.approx(step.loss, rel=1e-5)
-
-
 def test_where_there_is_a_judge_it_says_which_strokes_were_best() -> None:
     """The objective wants darkness; the judge wants things as they were."""
     start = some_strokes(10)

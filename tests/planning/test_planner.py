@@ -84,14 +84,6 @@ def test_the_same_seed_makes_the_same_plan_bit_for_bit() -> None:
     assert one.digest == same.digest != other.digest
 
 
-def test_iterations_are_told_in_one_count_to_the_last() -> None:
-    steps: list[Step] = []
-    by = planner()
-    by.plan(BARE, 10, 3, steps.append)
-    assert [step.iteration for step in steps] == list(range(1, by.iterations(10) + 1))
-    assert {step.of for step in steps} == {by.iterations(10)}
-
-
 def test_planning_again_keeps_the_palette_and_the_count_and_helps() -> None:
     """Measured with three seeds: the goal comes nearer by 4, 6 and 13 %."""
     by = planner(effort=Effort().scale(0.3))
@@ -220,7 +212,7 @@ def test_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_s
                 raise failure
             return optimize_together(parts, **rest)
 
-        monkeypatch.setattr("frida_painter.planning.layers.optimize_together", optimizing)
+        monkeypatch.setattr("frida_painter.planning.planner.optimize_together", optimizing)
 
     starving(by.coarse.rows)
     again = by.replan(plan, photograph, lambda step: None)

@@ -11,9 +11,7 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.refine import (
     HARDLY_APART,
-    anneal_to_palette,
     bind_to_palette,
-    discretize,
     distinct,
     loss_of_paint,
     relocate,
@@ -122,32 +120,20 @@ def test_relocated_strokes_take_paints_that_there_are() -> None:
     assert not torch.equal(found.length.sort()[0], strokes.length.sort()[0])
 
 
-def test_discretising_gives_so_many_paints_light_to_dark() -> None:
-    strokes = some_strokes(30)
-    found, paints = discretize(strokes, PROBLEM, 5, seed=0)
-    assert len(found) == 30 and paints.color.shape == (5, 3)
-    assert bool((paints.paint.diff() >= 0).all())
-    assert torch.equal(found.color, paints.color[paints.paint])
-    assert bool((to_lab(paints.color)[:, 0].diff() <= 0).all())
-    assert (found.color.mean(0) - strokes.color.mean(0)).abs().max() < 0.1
-
-
-def test_drawing_together_goes_so_much_of_the_way_to_the_paints() -> None:
-    strokes = some_strokes(24, seed=2)
-    bound, paints = discretize(strokes, PROBLEM, 5, seed=0)
-    halfway = anneal_to_palette(strokes, PROBLEM, 5, 0.5, seed=0)
-    nearest = torch.cdist(strokes.color, paints.color).amin(1)
-    torch.testing.assert_close(torch.cdist(halfway.color, paints.color).amin(1), nearest / 2, atol=1e-5, rtol=0)
-    assert torch.equal(halfway.position, strokes.position)  # nothing else changes, not even the order
-    assert squared_error(bound) != squared_error(halfway) != squared_error(strokes)
-
-
-def test_strokes_are_in_paints_light_to_dark_and_every_step_is_told() -> None:
+def test_strokes_are_drawn_to_paints_and_lie_light_to_dark_in_them_and_every_step_is_told() -> None:
     steps: list[Step] = []
-    begin = StepCount(steps.append, len(DRAWING) * 3 + 4).begin
-    found, paints = bind_to_palette(some_strokes(16), problem(32), 4, Effort(drawing=3, binding=4), 0, begin)
-    assert torch.equal(found.color, paints.color[paints.paint]) and len(paints.color) <= 4
-    assert len(found) == 16 and [step.iteration for step in steps] == list(range(1, 17)) and steps[-1].of == 16
+    strokes, begin = some_strokes(30), StepCount(steps.append, len(DRAWING) * 2 + 4).begin
+    found, paints = bind_to_palette(strokes, PROBLEM, 5, Effort(drawing=2, binding=4), 0, begin)
+    assert len(found) == 30 and paints.color.shape == (5, 3)
+    assert torch.equal(found.color, paints.color[paints.paint])
+    assert bool((paints.paint.diff() >= 0).all()) and bool((to_lab(paints.color)[:, 0].diff() <= 0).all())
+    assert (found.color.mean(0) - strokes.color.mean(0)).abs().max() < 0.1
+    away = [
+        float(torch.cdist(step.parts[0][1].color, paints.color).amin(1).mean())
+        for step in steps[: 2 * len(DRAWING) : 2]
+    ]
+    assert away == sorted(away, reverse=True) and away[-1] < 0.5 * away[0]
+    assert [step.iteration for step in steps] == list(range(1, 13)) and steps[-1].of == 12
 
 
 def nearest_pair(color: torch.Tensor) -> float:

@@ -127,6 +127,7 @@ def test_steps_show_the_strokes_of_all_parts() -> None:
         [StrokesInScene(some_strokes(4), on), StrokesInScene(some_strokes(3, 1), on)], iterations=5, notify=steps.append
     )
     assert [[len(strokes) for _, strokes in step.parts] for step in steps] == [[4, 3]] * 5
+    assert [(step.iteration, step.of) for step in steps] == [(number, 5) for number in range(1, 6)]
     first = [strokes for _, strokes in steps[0].parts]
     assert float(stacked_cost(first, [on, on])) == pytest.approx(steps[0].loss, rel=1e-5)
 

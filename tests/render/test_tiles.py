@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 from torch.utils._python_dispatch import _disable_current_modes
 
-from composites import Scene, assert_same, scene, upstream
+from composites import Scene, assert_same, moments_with_gradients, scene, upstream
 from elsewhere import elsewhere, waits
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.planning import problem as planning
@@ -30,20 +30,9 @@ installed("triton")
 from frida_painter.render import tiles  # noqa: E402
 
 
-def with_gradients(composite, tensors: Scene, spread: CoverageSpread, device: torch.device) -> list[Tensor]:
-    """Both moments, and the gradients of a random mixture of them to all tensors and the canvas's variance."""
-    uncertain = upstream(tensors.canvas[0], 3).square() * 0.1
-    leaves = [tensor.detach().to(device).requires_grad_() for tensor in (*tensors, uncertain)]
-    mean, variance = composite(*leaves[:4], spread, leaves[4])
-    first, second = upstream(mean.cpu(), 1).to(mean), upstream(variance.cpu(), 2).to(mean)
-    gradients = torch.autograd.grad((first * mean).sum() + (second * variance).sum(), leaves, allow_unused=True)
-    zeros = [torch.zeros_like(leaf) if part is None else part for leaf, part in zip(leaves, gradients, strict=True)]
-    return [part.detach().cpu() for part in (mean, variance, *zeros)]
-
-
 def both(tensors: Scene, spread: CoverageSpread) -> tuple[list[Tensor], list[Tensor]]:
-    theirs = with_gradients(reference.composite_moments, tensors, spread, torch.device("cpu"))
-    return with_gradients(tiles.composite_moments, tensors, spread, DEVICE), theirs
+    theirs = moments_with_gradients(reference.composite_moments, tensors, spread)
+    return moments_with_gradients(tiles.composite_moments, tensors, spread, DEVICE), theirs
 
 
 @given(
@@ -81,7 +70,7 @@ def test_float32_is_near_the_reference() -> None:
 def test_a_colour_that_is_not_finite_spoils_all_of_it_and_its_gradients() -> None:
     tensors = scene(3, (4, 5), (9, 8))
     tensors.color[1, 2] = torch.nan
-    mean, variance, *gradients = with_gradients(tiles.composite_moments, tensors, CERTAIN, DEVICE)
+    mean, variance, *gradients = moments_with_gradients(tiles.composite_moments, tensors, CERTAIN, DEVICE)
     assert bool(mean.isnan().all()) and bool(variance.isnan().all())
     assert all(bool(part.isnan().all()) for part in gradients[:3])
 

@@ -12,13 +12,10 @@ import torch
 from torch import Tensor
 
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
-from frida_painter.planning.effort import Effort
-from frida_painter.planning.initialize import optimize_target, progressive
-from frida_painter.planning.optimize import PictureChange, Step, StrokesInScene, optimize, optimize_together
+from frida_painter.planning.optimize import Step, StrokesInScene
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
-from frida_painter.planning.refine import HARDLY_APART, MOVED, relocate, without_twins
+from frida_painter.planning.refine import HARDLY_APART, relocate, without_twins
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
@@ -47,34 +44,6 @@ class StepCount:
 def at_the_end(notify: Callable[[Step], None]) -> Callable[[Step], None]:
     """Returns the callback for a second try, which reports each step as the last one of the total."""
     return lambda step: notify(replace(step, iteration=step.of))
-
-
-def free_strokes(
-    count: int,
-    problem: PlanningProblem,
-    guide: Tensor | None,
-    effort: Effort,
-    generator: torch.Generator,
-    begin: Callable[[int], Callable[[Step], None]],
-) -> Strokes:
-    """Plans `count` strokes in colours of their own, from light to dark.
-
-    They grow at the places that need them, and then move to places of a larger gain.
-    guide [3, H, W]: picture that shows where strokes are needed. None: strokes grow towards a picture from the
-    objective, and do not move far afterwards. That picture is only one of many good ones, so strokes must not be
-    pulled back to it.
-    begin: returns the callback that reports the next iterations.
-    """
-    notify = begin(min(effort.growing, count) * effort.growing_together)
-    target = optimize_target(problem) if guide is None else guide
-    found = progressive(count, problem, target, effort, generator, notify)
-    found = found.to(problem.canvas.device).project(problem.limits, problem.size)
-    found = found[torch.argsort(to_lab(found.color)[:, 0], descending=True, stable=True)]
-    for _ in range(effort.relocations):
-        if guide is not None:
-            found, _ = relocate(found, None, problem, guide, MOVED, generator)
-        found, _ = optimize(found, problem, iterations=effort.refining, notify=begin(effort.refining))
-    return found
 
 
 _CLOSED = 0.05  # share of a layer that shows through; below it, the layer's colour does not matter
@@ -120,58 +89,7 @@ def find_later_mixing(rest: Plan, new_paints: bool, *, fresh: bool) -> list[bool
     ]
 
 
-def optimize_layers(
-    layers: Sequence[LayerAtWork],
-    canvas: Tensor,
-    problems: PlanningProblems,
-    coarse: tuple[PixelGrid, int, int],
-    fine: tuple[PixelGrid, int],
-    begin: Callable[[int], Callable[[Step], None]],
-    *,
-    pace: float = 1.0,
-    share: float = MOVED,
-    generator: torch.Generator | None = None,
-    change: PictureChange | None = None,
-) -> list[LayerAtWork]:
-    """Optimises layers, each painted over the one before on a canvas picture [3, H, W], for their joint picture.
-
-    coarse: grid of the rounds, number of rounds in which strokes move, iterations after each round.
-    fine: grid of the last iterations, and their number; `pace` scales their steps.
-    begin: returns the callback that reports the next iterations.
-    share: largest share of each layer's strokes that moves in a round.
-    generator: source of random places. None: strokes do not move to other places.
-    change: as for `optimize_together`, in the last iterations.
-    """
-    grid, rounds, refining = coarse
-    found = list(layers)
-    for _ in range(rounds):
-        if generator is not None:
-            found = _relocate_strokes(found, canvas, problems, grid, share, generator)
-        found = _descend(found, canvas, problems, grid, refining, begin)
-    last, polishing = fine
-    return _descend(found, canvas, problems, last, polishing, begin, pace, change)
-
-
-def _descend(
-    layers: Sequence[LayerAtWork],
-    canvas: Tensor,
-    problems: PlanningProblems,
-    grid: PixelGrid,
-    iterations: int,
-    begin: Callable[[int], Callable[[Step], None]],
-    pace: float = 1.0,
-    change: PictureChange | None = None,
-) -> list[LayerAtWork]:
-    """Returns the layers after gradient descent on their joint cost."""
-    parts = [
-        StrokesInScene(layer.strokes, problems.of(canvas, grid, layer.kind), layer.paints, layer.mixes)
-        for layer in layers
-    ]
-    found = optimize_together(parts, iterations=iterations, pace=pace, notify=begin(iterations), change=change)
-    return [layer.after(part) for layer, part in zip(layers, found, strict=True)]
-
-
-def _relocate_strokes(
+def relocate_strokes(
     layers: Sequence[LayerAtWork],
     canvas: Tensor,
     problems: PlanningProblems,

@@ -149,7 +149,7 @@ def measure_touch(landed: Strokes, known: TouchHeights, before: PlanningProblem,
     tells = _contrast(landed, before) >= _CONTRAST
     if int(tells.sum()) < _FEWEST:
         return known
-    # Strokes that contrast and are visible: those to learn from are black on grey, and those kept aside white.
+    # Visible strokes with contrast: those to learn from are black on grey, and those kept aside white.
     shade = torch.where(tells, aside.to(landed.color), 0.5)[:, None].expand(-1, 3)
     shown = replace(before, canvas=torch.full_like(before.canvas, 0.5)).render(landed.with_groups(color=shade))[0]
     learned_from, kept_aside = shown < 0.45, shown > 0.55  # [H, W]

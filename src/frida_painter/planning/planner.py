@@ -24,23 +24,26 @@ from frida_painter.objectives.attention import weight_by_focus
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import MAX_COLORS, AnyColor, Palette, as_color
+from frida_painter.palette import MAX_COLORS, AnyColor, Palette, as_color, to_lab
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
-from frida_painter.planning.layers import (
-    LayerAtWork,
-    StepCount,
-    at_the_end,
-    find_later_mixing,
-    free_strokes,
-    optimize_layers,
-)
+from frida_painter.planning.initialize import optimize_target, progressive
+from frida_painter.planning.layers import LayerAtWork, StepCount, at_the_end, find_later_mixing, relocate_strokes
 from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
-from frida_painter.planning.optimize import PictureChange, Step, optimize, shift_objective, stacked_cost, stacked_loss
+from frida_painter.planning.optimize import (
+    PictureChange,
+    Step,
+    StrokesInScene,
+    optimize,
+    optimize_together,
+    shift_objective,
+    stacked_cost,
+    stacked_loss,
+)
 from frida_painter.planning.placement import Placement, learn
 from frida_painter.planning.problem import FailureTolerance, PlanningProblems, Region, is_bare, on_device
-from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette
+from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAYER_BEGINS, bind_to_palette, relocate
 from frida_painter.planning.settings import PlannerSettings, layer_sizes, usual_layers, usual_shares
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.planning.wet_paint import Wetness
@@ -298,7 +301,17 @@ class Planner:
         """Returns a layer of `count` strokes, grown as if it were the last one, in `wells` or so many new paints."""
         begin = partial(steps.begin, below=[(layer.kind, layer.strokes) for layer in below])
         problem = self.problems.initial(canvas, self.coarse, brush)
-        found = free_strokes(count, problem, self.problems.guide(problem), effort, generator, begin)
+        guide, told = self.problems.guide(problem), begin(min(effort.growing, count) * effort.growing_together)
+        target = optimize_target(problem) if guide is None else guide
+        found = progressive(count, problem, target, effort, generator, told)
+        found = found.to(self.device).project(problem.limits, problem.size)
+        found = found[torch.argsort(to_lab(found.color)[:, 0], descending=True, stable=True)]
+        for _ in range(effort.relocations):
+            if (
+                guide is not None
+            ):  # a picture from the objective is only one of many, to which strokes are not pulled back
+                found, _ = relocate(found, None, problem, guide, MOVED, generator)
+            found, _ = optimize(found, problem, iterations=effort.refining, notify=begin(effort.refining))
         wanted = self.problems.of(canvas, self.coarse, brush)
         if isinstance(wells, int):
             found, mixed = bind_to_palette(found, wanted, wells, effort, self.seed, begin)
@@ -325,14 +338,28 @@ class Planner:
         generator: torch.Generator | None = None,
         change: PictureChange | None = None,
     ) -> list[Plan]:
-        """Settles layers together and returns their plans."""
+        """Settles layers, each painted over the one before on a canvas picture, together, and returns their plans.
+
+        begin: returns the callback that reports the next iterations.
+        rounds: number of rounds in which up to a `share` of each layer's strokes moves, and all descend.
+        polishing: last iterations, on the fine grid, with steps of `pace` and a `change` as for `optimize_together`.
+        generator: source of random places. None: strokes do not move to other places.
+        """
         # For other goals than pictures and their meaning, the guide only served to start the plan.
         guided = self.goal.initial_terms is self.goal.terms or self.goal.initial_terms[0].importance is not None
-        coarse, fine = (self.coarse, rounds, self.effort.settling), (self.fine, polishing)
-        moving = generator if guided else None
-        found = optimize_layers(
-            layers, canvas, self.problems, coarse, fine, begin, pace=pace, share=share, generator=moving, change=change
-        )
+        found = list(layers)
+        for number in range(rounds + 1):
+            last = number == rounds
+            grid, iterations = (self.fine, polishing) if last else (self.coarse, self.effort.settling)
+            if generator is not None and guided and not last:
+                found = relocate_strokes(found, canvas, self.problems, grid, share, generator)
+            parts = [
+                StrokesInScene(layer.strokes, self.problems.of(canvas, grid, layer.kind), layer.paints, layer.mixes)
+                for layer in found
+            ]
+            how: dict[str, Any] = {"pace": pace, "change": change} if last else {}
+            better = optimize_together(parts, iterations=iterations, notify=begin(iterations), **how)
+            found = [layer.after(part) for layer, part in zip(found, better, strict=True)]
         return [self._as_plan(layer) for layer in found]
 
     def fading(self, plan: Plan, canvas: AnyPicture) -> Fading:

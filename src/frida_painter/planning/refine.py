@@ -118,34 +118,6 @@ def visible_area(strokes: Strokes, problem: PlanningProblem) -> Tensor:
     return share[:, 0]
 
 
-def anneal_to_palette(strokes: Strokes, problem: PlanningProblem, colors: int, keeping: float, seed: int) -> Strokes:
-    """Moves the strokes' own colours towards `colors` paints; `keeping` of the distance is left.
-
-    Rounds of this with gradient descent in between adapt shapes and colours to the paints. The strokes then lose
-    less when they finally get the paints.
-    """
-    palette, paint = _cluster(strokes, problem, colors, seed)
-    nearest = palette.color[paint]
-    return strokes.with_groups(color=nearest + keeping * (strokes.color - nearest))
-
-
-def discretize(strokes: Strokes, problem: PlanningProblem, colors: int, seed: int) -> tuple[Strokes, Paints]:
-    """Returns the strokes in at most `colors` paints, from light to dark (paper, "Paint Colors and Mixing")."""
-    palette, paint = _cluster(strokes, problem, colors, seed)
-    order = torch.argsort(paint, stable=True)
-    return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])
-
-
-def _cluster(strokes: Strokes, problem: PlanningProblem, colors: int, seed: int) -> tuple[Palette, Tensor]:
-    """Returns distinct paints for the strokes' colours, and the nearest paint of each stroke [n].
-
-    A colour counts by the fourth root of its visible area. With the area itself, small accents would get lost.
-    """
-    weight = visible_area(strokes, problem).clamp(min=0).pow(0.25)
-    palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight, HARDLY_APART)
-    return palette, torch.cdist(strokes.color, palette.color).argmin(1)
-
-
 def relocate(
     strokes: Strokes,
     paints: Paints | None,
@@ -182,16 +154,28 @@ def bind_to_palette(
     seed: int,
     begin: Callable[[int], Callable[[Step], None]],
 ) -> tuple[Strokes, Paints]:
-    """Binds the strokes, in painting order, to at most `colors` paints.
+    """Binds the strokes, in painting order, to at most `colors` paints (paper, "Paint Colors and Mixing").
 
-    Colours move towards the paints in rounds, then strokes and paints settle together.
+    Colours move towards the paints in rounds, with gradient descent in between, so that shapes and colours adapt to
+    the paints. Then strokes and paints, from light to dark, settle together.
     begin: returns the callback that reports the next iterations.
     """
+
+    def cluster() -> tuple[Palette, Tensor]:  # distinct paints for the strokes' colours, and the nearest of each [n]
+        # A colour counts by the fourth root of its visible area. With the area itself, small accents would get lost.
+        weight = visible_area(strokes, problem).clamp(min=0).pow(0.25)
+        palette = distinct(Palette.cluster(strokes.color, weight, colors, seed), strokes.color, weight, HARDLY_APART)
+        return palette, torch.cdist(strokes.color, palette.color).argmin(1)
+
     for keeping in DRAWING:
-        strokes = anneal_to_palette(strokes, problem, colors, keeping, seed)
-        strokes, _ = optimize(strokes, problem, iterations=effort.drawing, notify=begin(effort.drawing))
-    strokes, chosen = discretize(strokes, problem, colors, seed)
-    count = effort.binding
+        palette, paint = cluster()
+        nearest = palette.color[paint]
+        drawn = strokes.with_groups(color=nearest + keeping * (strokes.color - nearest))
+        strokes, _ = optimize(drawn, problem, iterations=effort.drawing, notify=begin(effort.drawing))
+    palette, paint = cluster()
+    order, count = torch.argsort(paint, stable=True), effort.binding
+    chosen = Paints(palette.color, paint[order])
+    strokes = strokes[order].with_groups(color=chosen.color[chosen.paint])
     strokes, paints = optimize(strokes, problem, iterations=count, paints=chosen, notify=begin(count))
     assert paints is not None
     return strokes, paints
