@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-_WHERE_A_LAYER_BEGINS = 3
 DRAWING = (0.7, 0.45, 0.2, 0.1)
 """Share of the way from a stroke's colour to its paint that each round of drawing colours together leaves."""
 
@@ -70,11 +69,3 @@ class Effort:
         later = mixing if new_paints else effort.binding
         settled = self.rounds_of(len(sizes)) * self.settling + self.polishing
         return sum(free) + mixing + later * (len(sizes) - 1) + settled
-
-    def rounds_of_a_look(self, asked: int, *, fresh: bool) -> int:
-        """Number of rounds of a replan.
-
-        asked: smallest number of rounds.
-        fresh: True if a layer begins; it gets at least 3 rounds, or `rounds` if that is fewer.
-        """
-        return max(asked, min(_WHERE_A_LAYER_BEGINS, self.rounds)) if fresh else asked

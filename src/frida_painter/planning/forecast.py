@@ -172,23 +172,18 @@ def fading_of(plan: Plan, canvas: Tensor, problems: PlanningProblems, grid: Pixe
     parts, on = problems.stack(plan, canvas, grid)
     guide, laid = problems.guide(on[0]), list(zip(parts, on, strict=True))
     with FailureTolerance():
-        if guide is not None:
-            return _towards(guide, laid, seed)
-        areas = torch.cat([visible_area(*each) for each in laid]).clamp(min=0).cpu()
-        return Fading(torch.zeros_like(areas), areas / areas.sum().clamp(min=1))
+        if guide is None:
+            areas = torch.cat([visible_area(*each) for each in laid]).clamp(min=0).cpu()
+            return Fading(torch.zeros_like(areas), areas / areas.sum().clamp(min=1))
+        found, below = [], on[0].canvas
+        for number, (part, problem) in enumerate(laid, 1):
+            here = replace(problem, canvas=below)
+            seen, wanted = beneath(laid[number:], part, here, guide)
+            found.append(loss_of_paint(part, seen, wanted, torch.Generator().manual_seed(seed)))
+            with torch.no_grad():
+                below = here.render(part)
+        matters = 1.0 if on[0].importance is None else on[0].importance
+        whole = float((matters * (below - guide).square()).sum())
+        slope, square = (torch.cat(each).cpu() / max(whole, 1e-9) for each in zip(*found, strict=True))
+        return Fading(slope, square)
     return Fading.none(len(plan))
-
-
-def _towards(guide: Tensor, laid: Sequence[tuple[Strokes, PlanningProblem]], seed: int) -> Fading:
-    first = laid[0][1]
-    found, below = [], first.canvas
-    for number, (part, problem) in enumerate(laid):
-        here, above = replace(problem, canvas=below), laid[number + 1 :]
-        seen, wanted = beneath(above, part, here, guide) if above else (here, guide)
-        found.append(loss_of_paint(part, seen, wanted, torch.Generator().manual_seed(seed)))
-        with torch.no_grad():
-            below = here.render(part)
-    matters = 1.0 if first.importance is None else first.importance
-    whole = float((matters * (below - guide).square()).sum())
-    slope, square = (torch.cat(each).cpu() / max(whole, 1e-9) for each in zip(*found, strict=True))
-    return Fading(slope, square)

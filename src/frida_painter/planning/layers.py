@@ -105,7 +105,7 @@ def relocate_strokes(
         if guide is None:
             return found
         above = [(later.strokes, problems.of(canvas, grid, later.kind)) for later in found[number + 1 :]]
-        seen, wanted = beneath(above, layer.strokes, problem, guide) if above else (problem, guide)
+        seen, wanted = beneath(above, layer.strokes, problem, guide)
         strokes, paints = relocate(layer.strokes, layer.paints, seen, wanted, share, generator)
         assert paints is not None
         found[number] = replace(layer, strokes=strokes, paints=paints)
@@ -125,6 +125,8 @@ def beneath(
     + a, and (t p + a - target)^2 is t^2 (p - (target - a) / t)^2. So each error counts by t^2 and is measured from
     (target - a) / t. If t is almost 0, the target is the layer's own picture.
     """
+    if not above:
+        return problem, target
     added, through = torch.zeros_like(problem.canvas), torch.ones_like(problem.canvas)
     for laid, on in above:
         added, through = (replace(on, canvas=picture).render(laid) for picture in (added, through))

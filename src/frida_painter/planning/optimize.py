@@ -78,7 +78,14 @@ def interlace_rows(problems: list[PlanningProblem]) -> list[list[PlanningProblem
     There is one turn if all rows are needed. The distance of two rows is at most a 32nd of the height of the
     rectangle that holds the marks of a brush, or of the canvas if that is less. The smallest brush decides.
     """
-    every = min(_rows_apart(problem) for problem in problems)
+    if any(problem.objective_on_rows is None for problem in problems):
+        return [problems]
+    apart = []
+    for problem in problems:
+        _, pitch = PixelGrid(problem.size, *problem.canvas.shape[1:]).pitch
+        mark = 3 * mark_width(problem.model)
+        apart.append(max(1, int(min(mark, problem.size.height) / _ROWS_TO_A_MARK / pitch)))
+    every = min(apart)
     if every == 1:
         return [problems]
 
@@ -88,14 +95,6 @@ def interlace_rows(problems: list[PlanningProblem]) -> list[list[PlanningProblem
 
     turns = (Rows(every, first) for first in range(every))
     return [[on_rows(problem, rows) for problem in problems] for rows in turns]
-
-
-def _rows_apart(problem: PlanningProblem) -> int:
-    if problem.objective_on_rows is None:
-        return 1
-    _, pitch = PixelGrid(problem.size, *problem.canvas.shape[1:]).pitch
-    mark = 3 * mark_width(problem.model)
-    return max(1, int(min(mark, problem.size.height) / _ROWS_TO_A_MARK / pitch))
 
 
 def take_turns(

@@ -64,6 +64,7 @@ def stroke_models(given: AnyBrush | Sequence[AnyBrush]) -> tuple[StrokeModel, ..
 
 
 _POLISHING_PACE = 0.5
+_ROUNDS_WHERE_A_LAYER_BEGINS = 3  # at least, unless the effort has fewer
 
 
 class Planner:
@@ -436,25 +437,20 @@ class Planner:
 
     def _replan_better(self, task: "PlanningTask", rest: Plan, moves: Sequence[bool]) -> Plan:
         """Returns the first new plan that is better than the rest, whose strokes may move far or not; else the rest."""
-        cost = self.cost(rest, task.canvas, task.wetness)
+        canvas, effort, change = task.canvas, self.effort, self._wet_change(task.wetness)
+        cost, rounds, share = self.cost(rest, canvas, task.wetness), task.rounds, MOVED
+        if task.fresh:
+            rounds, share = max(rounds, min(_ROUNDS_WHERE_A_LAYER_BEGINS, effort.rounds)), MOVED_WHERE_A_LAYER_BEGINS
         for moving in moves:
-            told = task.notify if moving else at_the_end(task.notify)
-            again = self._again(rest, replace(task, notify=told), moving=moving)
-            if self.cost(again, task.canvas, task.wetness) < cost:
+            notify = task.notify if moving else at_the_end(task.notify)
+            layers = self._at_work(rest, fresh=task.fresh)
+            chance = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
+            begin, last = StepCount(notify, rounds * effort.settling + effort.replanning).begin, effort.replanning
+            found = self._settle(layers, canvas, begin, rounds, last, share=share, generator=chance, change=change)
+            again = self._join(rest, found, [layer.mixes for layer in layers], canvas, notify, change)
+            if self.cost(again, canvas, task.wetness) < cost:
                 return again
         return rest
-
-    def _again(self, rest: Plan, task: "PlanningTask", *, moving: bool) -> Plan:
-        canvas, notify, fresh = task.canvas, task.notify, task.fresh
-        layers, change = self._at_work(rest, fresh=fresh), self._wet_change(task.wetness)
-        rounds = self.effort.rounds_of_a_look(task.rounds, fresh=fresh)
-        generator = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
-        steps = StepCount(notify, rounds * self.effort.settling + self.effort.replanning)
-        last, share = self.effort.replanning, MOVED_WHERE_A_LAYER_BEGINS if fresh else MOVED
-        settled = self._settle(
-            layers, canvas, steps.begin, rounds, last, share=share, generator=generator, change=change
-        )
-        return self._join(rest, settled, [layer.mixes for layer in layers], canvas, notify, change)
 
     def _at_work(self, rest: Plan, *, fresh: bool) -> list[LayerAtWork]:
         """Returns the layers of the rest, to be settled once more."""

@@ -198,7 +198,12 @@ def lay_packed_marks(
         raise PlanError(
             f"{len(painted_at)} times were given for {len(color)} strokes; give one for each, in painting order."
         )
-    own = pigment_of(color.T).T.contiguous() if len(color) else color.new_empty(0, 6)
+    # K and S of each paint relative to the S of white. K / S is that of a thick film; deep colours hold less white and
+    # scatter less.
+    reflected = to_linear(color.T.clamp(0, 1)).clamp(_DARKEST, _LIGHTEST)
+    ratio = (1 - reflected).square() / (2 * reflected)
+    scattering = (1 + ratio).rsqrt()
+    own = torch.cat((ratio * scattering, scattering)).T.contiguous()
     change, amount, pigment = color.new_zeros(pixels, 3), color.new_zeros(pixels), color.new_ones(pixels, 6)
     times = np.array(painted_at, np.float64)
     settled = np.full(pixels, times[0] if len(times) else 0.0)
@@ -206,14 +211,3 @@ def lay_packed_marks(
     canvas = array(change), array(amount), array(pigment), settled
     kernels.lay(begin, pixel, alpha, nearest, steps, array(own), times, seen, numbers, _TRACE, *canvas)
     return change.T
-
-
-def pigment_of(color: Tensor) -> Tensor:
-    """Returns K and S [6, ...] of paints with these colours, sRGB [3, ...], relative to the S of white.
-
-    K / S is that of a thick film. Deep colours hold less white and scatter less.
-    """
-    reflected = to_linear(color.clamp(0, 1)).clamp(_DARKEST, _LIGHTEST)
-    ratio = (1 - reflected).square() / (2 * reflected)
-    scattering = (1 + ratio).rsqrt()
-    return torch.cat((ratio * scattering, scattering))
