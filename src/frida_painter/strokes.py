@@ -146,7 +146,8 @@ class Strokes:
                 f"{', '.join(COLUMNS)}."
             )
         columns = torch.from_numpy(rows)
-        return cls(columns[:, :2], *columns[:, 2:6].unbind(1), columns[:, 6:])
+        angle, length, bend, thickness = columns[:, 2:6].unbind(1)
+        return cls(columns[:, :2], angle, length, bend, thickness, columns[:, 6:])
 
     def to_frame(self) -> Any:
         """Returns the strokes as a pandas table with the columns `COLUMNS`; families and codes follow, if any.
@@ -194,7 +195,7 @@ class Strokes:
 
     def _each(self, change: Callable[[Any], Any]) -> Self:
         """Returns the strokes with `change` made to each array, and to families and codes."""
-        parts = {**self.arrays(), "taught": self.taught}
+        parts: dict[str, Any] = {**self.arrays(), "taught": self.taught}
         return replace(self, **{name: part if part is None else change(part) for name, part in parts.items()})
 
     def path(self, fraction: Tensor) -> Tensor:
