@@ -64,7 +64,6 @@ def broken_off(mark):
         (broken_off, Flaw.SKIPPED),
         (lambda mark: np.roll(mark, 12, 0), Flaw.ASTRAY),
     ],
-    ids=["nothing", "faint", "hollow", "dry", "neighbour", "broken off", "elsewhere"],
 )
 def test_a_dirty_stroke_is_found_with_its_reason_and_no_other_is_blamed(spoil, flaw):
     index = longest(small_library(COUNT))

@@ -138,24 +138,6 @@ def test_code_that_comes_with_weights_does_not_run(tmp_path: Path) -> None:
         (lambda folder: say(folder, "vision_config", image_size=[32, 32]), r"image_size as \[32, 32\]; it is a number"),
         (lambda folder: say(folder, "text_config", hidden_act=3), "config.json is not the settings of such a network"),
     ],
-    ids=[
-        "no settings",
-        "another kind",
-        "html",
-        "no object",
-        "damaged",
-        "no weights",
-        "no tokenizer",
-        "one tower",
-        "another size",
-        "not finite",
-        "zeros",
-        "foreign tokenizer",
-        "half a tokenizer",
-        "endless layers",
-        "two sizes",
-        "no function",
-    ],
 )
 def test_folders_that_are_no_clip(
     tmp_path: Path, damage: Callable[[Path], object], says: str, capfd: pytest.CaptureFixture[str]
