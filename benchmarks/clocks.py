@@ -18,7 +18,8 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.problem import PlanningProblem
-from frida_painter_lab.experiment import Experiment, Value
+from frida_painter_lab.experiment import Experiment
+from frida_painter_lab.runs import Value
 from frida_painter_lab.targets import load_shipped_targets
 
 CANVAS = CanvasSize(0.3556, 0.2794)

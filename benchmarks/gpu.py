@@ -24,7 +24,8 @@ from frida_painter.planning.optimize import optimize
 from frida_painter.planning.problem import on_device
 from frida_painter.planning.refine import discretize
 from frida_painter.render import composite_moments, reference
-from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row, Run
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row
+from frida_painter_lab.runs import Run
 from frida_painter_lab.targets import STYLES, load_shipped_targets
 
 NO_GPU = (

@@ -19,7 +19,8 @@ from frida_painter.planning.refine import discretize
 from frida_painter.planning.variables import Paints
 from frida_painter.render import reference, scanline
 from frida_painter.strokes import Strokes
-from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row, Run
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row
+from frida_painter_lab.runs import Run
 from frida_painter_lab.targets import STYLES, load_shipped_targets
 from original import OriginalPlan, PaperNetwork
 

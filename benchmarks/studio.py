@@ -31,7 +31,8 @@ from PIL import Image
 from clocks import Benchmark
 from frida_painter import python_process
 from frida_painter.session.events import Failed
-from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Run
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable
+from frida_painter_lab.runs import Run
 from frida_painter_studio.studio_folder import Feed, PaintingFolder
 
 WATCHING, DEAF = 20, 5

@@ -14,7 +14,8 @@ from statistics import median
 
 from clocks import Benchmark
 from frida_painter import python_process
-from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Run
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable
+from frida_painter_lab.runs import Run
 from frida_painter_lab.targets import load_shipped_targets
 
 SETTINGS = """

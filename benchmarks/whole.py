@@ -11,8 +11,9 @@ from statistics import median
 
 from clocks import Benchmark
 from frida_painter import images, python_process, weights
-from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Run
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable
 from frida_painter_lab.measures import psnr
+from frida_painter_lab.runs import Run
 from frida_painter_lab.targets import load_shipped_targets
 
 PROMPTS = (

@@ -20,7 +20,7 @@ from frida_painter.runs.look_folder import USED, GivenPicture, LookFolder
 from frida_painter_calibration.procedures.strokes import Recording, RecordingSettings
 from frida_painter_lab import commands
 from frida_painter_lab.experiment import Experiment
-from frida_painter_lab.sweeps.sweep_folder import RunFolder
+from frida_painter_lab.runs import RunFolder
 from frida_painter_studio import imaginer, worker
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder

@@ -213,7 +213,7 @@ def test_records_with_any_wrong_value_are_read_or_refused(painting: Path, tmp_pa
         painting / "record.json": lambda: RunRecord.load(painting).check(),
         tmp_path / "record.json": lambda: load_record(tmp_path / "record.json", place),
         tmp_path / "setup.json": lambda: MachineSetup.resume(tmp_path).robot,
-        tmp_path / "sweep.json": lambda: (sweep.read_request(), sweep.read_program()),
+        tmp_path / "sweep.json": sweep.read_request,
         corners: lambda: look_folder._read_corners(tmp_path / "photo.png"),
     }
     for path, read in readers.items():

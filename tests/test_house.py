@@ -105,7 +105,7 @@ DELETING = {
     "event_log.py": 4,  # the log, its tally and its reserve, by their full names
     "hardware/latch.py": 2,  # the record of a stop; a folder in its place is renamed
     "frida_painter_lab/commands.py": 1,  # a folder named by storage.PART
-    "frida_painter_lab/sweeps/sweep_folder.py": 2,  # the failure of a run, and a copy that it just made
+    "frida_painter_lab/runs.py": 1,  # the failure of a run
     # numbered strokes of the recording in a folder that was empty before it
     "frida_painter_calibration/procedures/strokes.py": 4,
     "runs/look_folder.py": 1,  # moves a picture beside others of its name

@@ -12,8 +12,9 @@ import pytest
 from frida_painter import compiled, event_log, locks
 from frida_painter.errors import FridaError, StorageError
 from frida_painter.event_log import FEED, JOURNAL, EventLog
-from frida_painter_lab.sweeps import sweep_folder
-from frida_painter_lab.sweeps.sweep_folder import RunFolder, SweepFolder
+from frida_painter_lab import runs
+from frida_painter_lab.runs import RunFolder
+from frida_painter_lab.sweeps.sweep_folder import SweepFolder
 from frida_painter_studio import network
 from frida_painter_studio.network import WebAppLock
 from frida_painter_studio.studio_folder import PaintingFolder, WorkerLock
@@ -57,7 +58,7 @@ def begin_journal(folder: Path) -> None:
 def test_a_lock_that_is_never_given_back_is_a_sentence(
     name: str, use: Callable[[Path], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module, limit in ((event_log, "_PATIENCE"), (network, "_ENDS_WITHIN"), (sweep_folder, "_PATIENCE")):
+    for module, limit in ((event_log, "_PATIENCE"), (network, "_ENDS_WITHIN"), (runs, "_PATIENCE")):
         monkeypatch.setattr(module, limit, 0.03)
     with held(tmp_path / name), pytest.raises(FridaError, match=re.escape(str((tmp_path / name).parent))):
         use(tmp_path)

@@ -7,7 +7,8 @@ the command is made from them.
 import math
 import shutil
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
 from inspect import Parameter, Signature
@@ -20,7 +21,7 @@ from frida_painter.options import out_folder, whole_number_within
 from frida_painter.storage import PART, count_of
 
 if TYPE_CHECKING:
-    from frida_painter_lab.experiment import Experiment, Outcome, Progress
+    from frida_painter_lab.experiment import Experiment, Notify, Outcome, Progress
 
 MAX_PROMPTS = 20
 """Number of prompts in the experiment `text`."""
@@ -226,22 +227,13 @@ def conduct(experiment: "Experiment", folder: Path, jobs: int | None = None, *, 
 
     Raises the errors of the experiment, and StorageError.
     """
-    from rich.console import Console
-
-    from frida_painter.cli.terminal import Line, progress_bar
     from frida_painter.devices import prepare_process
-    from frida_painter.session.time_left import duration, remaining_seconds
+    from frida_painter.session.time_left import duration
     from frida_painter_lab.experiment import within
 
     prepare_process()
-    started, bar = time.monotonic(), progress_bar(Console(stderr=True, highlight=False))
-    task, keep = bar.add_task("getting ready", total=1.0, left=math.inf), folder if stays else folder / UNFINISHED
-
-    def hear(progress: "Progress") -> None:
-        left = remaining_seconds(time.monotonic() - started, progress.share)
-        bar.update(task, description=progress.doing, completed=progress.share, left=left)
-
-    with Line(bar):
+    started, keep = time.monotonic(), folder if stays else folder / UNFINISHED
+    with show_progress() as hear:
         ready = experiment.prepare(within(hear, 0.0, _PREPARING))
         first = _PREPARING if ready is not experiment else 0.0
         found = ready.run_in_processes(keep, within(hear, first, 1.0), jobs)
@@ -252,3 +244,25 @@ def conduct(experiment: "Experiment", folder: Path, jobs: int | None = None, *, 
     print(f"In {duration(time.monotonic() - started)}: {folder / 'table.md'}, table.json and", end=" ")
     print(f"{count_of(len(found.pictures), 'picture')}.")
     return found
+
+
+@contextmanager
+def show_progress() -> "Iterator[Notify]":
+    """Shows a bar on the terminal within a `with` block, and yields what hears the progress."""
+    from rich.console import Console
+
+    from frida_painter.cli.terminal import Line, progress_bar
+    from frida_painter.session.time_left import remaining_seconds
+
+    bar = progress_bar(Console(stderr=True, highlight=False))
+    task, started, done_before = bar.add_task("getting ready", total=1.0, left=math.inf), time.monotonic(), math.inf
+
+    def hear(progress: "Progress") -> None:
+        nonlocal done_before
+        done_before = min(done_before, progress.share)
+        share = (progress.share - done_before) / max(1 - done_before, 1e-9)
+        left = remaining_seconds(time.monotonic() - started, share)
+        bar.update(task, description=progress.doing, completed=progress.share, left=left)
+
+    with Line(bar):
+        yield hear

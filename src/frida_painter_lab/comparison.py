@@ -13,8 +13,9 @@ from torch import Tensor
 
 from frida_painter import images
 from frida_painter.report.sheets import Cell, FigureRow, page
-from frida_painter_lab.experiment import Measurement, Results, ResultTable, Row, Value
+from frida_painter_lab.experiment import Measurement, Results, ResultTable, Row
 from frida_painter_lab.paintings import Imperfection, Painted, PaintingExperiment, StudioRun
+from frida_painter_lab.runs import Value
 from frida_painter_lab.targets import Target
 
 Goal = Sequence[Mapping[str, Any]]

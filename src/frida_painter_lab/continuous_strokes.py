@@ -20,18 +20,9 @@ from frida_painter.render import render
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.strokes import StrokeLimits, Strokes
 from frida_painter.virtual.studio import open_studio
-from frida_painter_lab.experiment import (
-    Experiment,
-    Measurement,
-    Notify,
-    Progress,
-    Results,
-    ResultTable,
-    Row,
-    Run,
-    Value,
-)
+from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Results, ResultTable, Row
 from frida_painter_lab.paintings import EXACT, connect_studio, execute
+from frida_painter_lab.runs import Run, Value
 
 PARAMETERS = {"thickness": ("", 1.0), "length": (" mm", 1000.0), "bend": (" mm", 1000.0)}
 """Unit and factor of each parameter for people."""

@@ -5,12 +5,12 @@ that decides its measurement, so that runs go on in any order and in any process
 and an interrupted experiment continues from there.
 """
 
-import hashlib
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -18,17 +18,12 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter import images, storage
-from frida_painter.errors import TryFailed
-from frida_painter.provenance import identify_here
+from frida_painter.errors import StorageError, TryFailed, WorkerUnfit
+from frida_painter_lab.runs import Labels, Run, RunFolder, Value
 from frida_painter_lab.sweeps.engine import Engine, TaskLimits, slots_here
-from frida_painter_lab.sweeps.sweep_folder import RunFolder
 
-Value = str | int | float | bool | None
 Row = Mapping[str, Value]
-Labels = Mapping[str, str | int]
-"""Labels that distinguish a run from the others: the first columns of its row in the table of results."""
 _LIMITS = TaskLimits(seconds=6 * 3600.0, threads=1, memory=1500, tries=2)
-_KEY = 20  # hexadecimal digits
 
 
 @dataclass(frozen=True)
@@ -159,39 +154,6 @@ def _as_list(value: Any) -> list[Value]:
 
 def _finite(value: Value) -> Value:
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-@cache
-def _identify_program() -> str:
-    return identify_here()
-
-
-@dataclass(frozen=True)
-class Run:
-    """Run of an experiment.
-
-    labels: distinguish it from the others
-    depends_on: plain values that determine its measurement, besides the labels
-    """
-
-    labels: Labels
-    depends_on: Mapping[str, object] = field(default_factory=dict)
-
-    def __getitem__(self, label: str) -> str:
-        """Returns a label as text."""
-        return str(self.labels[label])
-
-    @property
-    def key(self) -> str:
-        """Hash of everything that determines the measurement, with this program, its libraries and plug-ins."""
-        everything = [_identify_program(), dict(self.labels), dict(self.depends_on)]
-        return hashlib.sha256(json.dumps(everything, sort_keys=True).encode()).hexdigest()[:_KEY]
-
-    @property
-    def words(self) -> str:
-        """Description of the run for people."""
-        told = (f"seed {value}" if label == "seed" else str(value) for label, value in self.labels.items())
-        return ", ".join(filter(None, told))
 
 
 @dataclass(frozen=True)
@@ -325,32 +287,26 @@ class Experiment:
 
         Raises TryFailed if runs failed, after all others are measured.
         """
-        shares = [Share(self, numbers, str(keep)) for numbers in self.shares(keep)]
+        shares = self.shares(keep)
         slots = min(slots_here(_LIMITS, jobs), len(shares))
         if slots > 1:
-            total, failures = len(self.all_runs), list[str]()
-            left = sum(len(share.numbers) for share in shares)
-            notify(Progress((total - left) / total, f"{slots} at the same time"))
-            for ended in Engine(_LIMITS, slots).run(measure_share, shares):
-                left -= len(ended.task.numbers)
-                if ended.error is not None:
-                    failures.append(f"{self.all_runs[ended.task.numbers[0]].words}: {ended.error}")
-                notify(Progress((total - left) / total, f"{total - left} of {total} runs, {slots} at a time"))
+            failures = do_shares(measure_share, shares, keep, _LIMITS, slots, len(self.all_runs), notify)
             if failures:
+                first = next(iter(failures.values()))
                 raise TryFailed(
-                    f"{len(failures)} parts of the experiment failed, the first is {failures[0]} Run the command again "
-                    "to try them once more; the others are kept."
+                    f"{len(failures)} parts of the experiment failed, the first is {first['words']}: {first['error']} "
+                    "Run the command again to try them once more; the others are kept."
                 )
         return self.run(keep, notify)
 
-    def shares(self, keep: Path) -> list[tuple[int, ...]]:
-        """Returns the numbers of the runs that are not in `keep`, grouped by shared work."""
-        found: dict[str, list[int]] = {}
-        for number, run in enumerate(self.all_runs):
+    def shares(self, keep: Path) -> "list[Share]":
+        """Returns the runs that are not in `keep`, grouped by shared work."""
+        found: dict[str, list[Run]] = {}
+        for run in self.all_runs:
             if _load(keep, run) is None:
                 rest = {name: value for name, value in run.labels.items() if name != self.SHARING}
-                found.setdefault(json.dumps(rest), []).append(number)
-        return [tuple(numbers) for numbers in found.values()]
+                found.setdefault(json.dumps(rest), []).append(run)
+        return [Share(tuple(runs), str(keep), self) for runs in found.values()]
 
     def measure_or_load(self, run: Run, keep: Path | None, notify: Notify) -> Measurement:
         """Returns the measurement of a run, from `keep` if it is there. Raises StorageError, errors of `measure`."""
@@ -386,21 +342,64 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Share:
-    """Share of an experiment: runs that one process does, one after another.
+    """Runs that one process does, one after another.
 
-    numbers: of the runs
     keep: folder of finished runs
+    experiment: that measures them; None for runs of a sweep
     """
 
-    experiment: Experiment
-    numbers: tuple[int, ...]
+    runs: tuple[Run, ...]
     keep: str
+    experiment: Experiment | None = None
 
 
 def measure_share(share: Share) -> None:
     """Does those runs of a share that are not done yet."""
-    for number in share.numbers:
-        share.experiment.measure_or_load(share.experiment.all_runs[number], Path(share.keep), silent)
+    assert share.experiment is not None
+    for run in share.runs:
+        share.experiment.measure_or_load(run, Path(share.keep), silent)
+
+
+def do_shares(
+    work: Callable[[Share], object],
+    shares: Sequence[Share],
+    keep: Path,
+    limits: TaskLimits,
+    slots: int,
+    total: int,
+    notify: Notify,
+) -> dict[str, dict[str, Any]]:
+    """Does the shares in other processes, and returns why runs failed, by key; a failure stops no other run.
+
+    keep: folder of finished runs, which takes the failures too
+    slots: number of shares at the same time
+    total: number of runs, with those that are done
+
+    Raises StorageError if the disk is full, WorkerUnfit if processes cannot work.
+    """
+    left, failures = sum(len(share.runs) for share in shares), dict[str, dict[str, Any]]()
+
+    def tell() -> None:
+        failed = f", {len(failures)} failed" if failures else ""
+        done = total - left - len(failures)
+        notify(Progress(1 - left / total, f"{done} of {total} runs done{failed}, {slots} at the same time"))
+
+    tell()
+    with closing(Engine(limits, slots).run(work, shares)) as ended:
+        for one in ended:
+            left -= len(one.task.runs)
+            if isinstance(one.error, WorkerUnfit):
+                raise one.error
+            if isinstance(one.error, StorageError):
+                storage.require_space(keep, 2**20, "the next run")
+            if one.error is not None:
+                run = one.task.runs[0]
+                why = {"key": run.key, "labels": dict(run.labels), "words": run.words, "error": str(one.error)}
+                failures[run.key] = why
+                with suppress(StorageError):  # another file is in place of its folder; the other runs go on
+                    RunFolder(keep, run.key).keep_failure(why)
+            tell()
+    return failures
 
 
 class _KeptPictures(Mapping[str, Tensor]):

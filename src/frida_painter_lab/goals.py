@@ -26,7 +26,7 @@ from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter_lab.comparison import Comparison, PaintingWay, Scene, image
-from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row, Value
+from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row
 from frida_painter_lab.measures import (
     direction_agreement,
     edge_correlation,
@@ -37,6 +37,7 @@ from frida_painter_lab.measures import (
     psnr,
 )
 from frida_painter_lab.paintings import Painted, PaintingExperiment, StudioRun
+from frida_painter_lab.runs import Value
 from frida_painter_lab.targets import Target
 
 SECONDS = "CPU s"

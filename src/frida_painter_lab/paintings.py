@@ -21,7 +21,6 @@ from frida_painter.hardware.faults import PlacementError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
-from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
@@ -31,7 +30,9 @@ from frida_painter.session.opening import planning_device
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter.virtual.tabletop import HandNoise, Table
-from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Run, Value
+from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress
+from frida_painter_lab.runs import Labels, Run, Value
+from frida_painter_lab.sweeps.sweep_spec import goal_facts
 
 EXACT = PlacementError((0.0, 0.0), 0.0)
 """Placement of a perfectly calibrated robot."""
@@ -157,20 +158,14 @@ class StudioRun(Run):
     without: tuple[Imperfection, ...] = ()
 
     @classmethod
-    def of(cls, labels: Mapping[str, str | int], spec: RunSpec, without: tuple[Imperfection, ...] = ()) -> Self:
+    def of(cls, labels: Labels, spec: RunSpec, without: tuple[Imperfection, ...] = ()) -> Self:
         """Returns the run of a painting, which depends on its spec and on the content of its goal's files.
 
         Raises StorageError if a file cannot be read.
         """
-        files = {part: [_content(item) for item in getattr(spec, part)] for part in ("goal", "initial")}
+        files = goal_facts(spec, lambda path: storage.sha256(path, "a picture of the goal"))
         depends_on = {"spec": spec.record(), **files, "without": [one.name for one in without]}
         return cls(labels, depends_on, spec=spec, without=without)
-
-
-def _content(item: GoalItem) -> list[str | float]:
-    """Returns a goal as its kind, its content (words, or the hash of a file) and its weight."""
-    content = item.value if item.path is None else storage.sha256(item.path, "a picture of the goal")
-    return [item.kind, content, item.weight]
 
 
 @dataclass(frozen=True)
@@ -226,7 +221,7 @@ class PaintingExperiment(Experiment):
 
     def of(
         self,
-        labels: Mapping[str, str | int],
+        labels: Labels,
         picture: Tensor,
         goal: Sequence[Any],
         without: tuple[Imperfection, ...] = (),

@@ -1,6 +1,5 @@
 """Check of a plan, a painting or a sweep: can it be made again here?"""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,8 +19,11 @@ from frida_painter.runs.run_record import (
     hash_picture,
 )
 from frida_painter.runs.spec import RunSpec, upgrade_record
-from frida_painter_lab.sweeps.runner import Assignment, hash_run, perform
-from frida_painter_lab.sweeps.sweep_folder import SWEEP, FileHashes, RunFolder, SweepFolder, expand_runs
+from frida_painter_lab.experiment import Share
+from frida_painter_lab.runs import RunFolder
+from frida_painter_lab.sweeps.runner import hash_run, perform
+from frida_painter_lab.sweeps.sweep_folder import SWEEP, SweepFolder
+from frida_painter_lab.sweeps.sweep_spec import FileHashes, expand_runs
 
 
 class RepeatableRun(RunRecord):
@@ -65,9 +67,8 @@ class SweepRecord:
         """Compares versions, plug-ins, input files and the files of each run with those of the sweep."""
         here = provenance.identify_here()
         found = [] if self.made_with == here else [f"it was made with {self.made_with}, and here is {here}"]
-        _, files, _ = SweepFolder(self.folder).read_request()
-        for name, before in files.items():
-            if (now := content_hash(Path(name))) != before and not any(self._copies(name, before)):
+        for name, before in SweepFolder(self.folder).read_request()[1].items():
+            if (now := content_hash(Path(name))) != before:
                 found.append(f"{name} {'is gone' if now == 'gone' else 'has changed'}")
         results = sorted((self.folder / "runs").glob("*/result.json"))
         changed, hashed = list[str](), True
@@ -92,26 +93,17 @@ class SweepRecord:
         checked = self.check()
         if not checked.can_be_made_again:
             return checked
-        place = SweepFolder(self.folder)
-        spec, files, _ = place.read_request()
-        runs = expand_runs(spec, FileHashes(files, reread=False), self.made_with)
-        copies = {name: str(next(self._copies(name, hashed), Path(name))) for name, hashed in files.items()}
+        spec, files, _, made_with = SweepFolder(self.folder).read_request()
         with TemporaryDirectory() as elsewhere:
-            for run in runs:
-                before = place.run(run.key).record()
+            for run in expand_runs(spec, FileHashes(files), made_with):
+                before = RunFolder(self.folder, run.key).record()
                 if before is None:
                     continue
-                again = perform(Assignment(run.with_pictures(copies), elsewhere))
+                again = perform(Share((run,), elsewhere))
                 if before["figures"] != again["figures"] or not self._has_same_plan(run.key, Path(elsewhere)):
                     told = ", ".join(f"{name} {value}" for name, value in run.labels.items()) or run.key
                     return RecordCheck(differences=(f"the run {told} came out differently",), same=False)
         return RecordCheck(same=True)
-
-    def _copies(self, name: str, hashed: str) -> Iterator[Path]:
-        """Yields copies of a picture in the folder that are as they were."""
-        for copy in (self.folder / "inputs").glob(f"*-{hashed[:16]}.*"):
-            if content_hash(copy) == hashed:
-                yield copy
 
     def _has_same_plan(self, key: str, elsewhere: Path) -> bool:
         """Returns True if both runs made the same plan, or none."""
@@ -137,7 +129,7 @@ def record(folder: str | Path) -> RepeatableRun | SweepRecord:
     if path.is_file():
         path = path.parent
     if (path / SWEEP).exists():
-        return SweepRecord(path, SweepFolder(path).read_program())
+        return SweepRecord(path, SweepFolder(path).read_request()[3])
     if (path / RECORD).exists():
         return RepeatableRun.load(path)
     if (path / SETTINGS).exists():

@@ -28,18 +28,8 @@ from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter_calibration.procedures.strokes import StrokesProgress, strokes
 from frida_painter_calibration.teaching import evaluation as training
 from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape, fit_bezier
-from frida_painter_lab.experiment import (
-    Experiment,
-    Labels,
-    Measurement,
-    Notify,
-    Progress,
-    Results,
-    ResultTable,
-    Row,
-    Run,
-    Value,
-)
+from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Results, ResultTable, Row
+from frida_painter_lab.runs import Labels, Run, Value
 from frida_painter_lab.sweeps.report import FieldEffect, Result, paired_tests
 
 ZEROS, MEAN, BEZIER = "all zeros", "mean stroke", "fitted Bezier"

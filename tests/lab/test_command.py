@@ -9,7 +9,7 @@ import pytest
 
 from frida_painter.cli import commands
 from frida_painter_lab.commands import ROWS, UNFINISHED, ExperimentRow
-from frida_painter_lab.experiment import Run
+from frida_painter_lab.runs import Run
 from frida_painter_lab.targets import Target
 from marks import small_library
 

@@ -11,6 +11,7 @@ from PIL import Image
 
 from frida_painter.errors import TryFailed
 from frida_painter_lab import experiment as carrier
+from frida_painter_lab import runs as running
 from frida_painter_lab.experiment import (
     Experiment,
     Measurement,
@@ -18,12 +19,11 @@ from frida_painter_lab.experiment import (
     Progress,
     Results,
     ResultTable,
-    Run,
     measure_share,
     silent,
     within,
 )
-from frida_painter_lab.sweeps.sweep_folder import RunFolder
+from frida_painter_lab.runs import Run, RunFolder
 from sweep_engine import Here
 
 PICTURE = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(0))
@@ -80,7 +80,7 @@ def test_other_labels_other_values_and_another_program_are_measured(
     some = [Counting(seeds=(0,)), Counting(seeds=(2,)), Counting(seeds=(0,), rows=65)]
     for one in some:
         one.run(tmp_path)
-    monkeypatch.setattr(carrier, "_identify_program", lambda: "plug-in calm 2")
+    monkeypatch.setattr(running, "_identify_program", lambda: "plug-in calm 2")
     some.append(Counting(seeds=(0,)))
     some[-1].run(tmp_path)
     assert [len(one.asked) for one in some] == [2, 2, 2, 2]
@@ -98,10 +98,11 @@ def test_a_damaged_measurement_is_made_again(tmp_path: Path, damage: str) -> Non
 
 def test_runs_that_share_work_are_measured_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made = Counting()
-    assert made.shares(tmp_path) == [(0,), (1,), (2,), (3,)]
+    first, second, *others = made.all_runs
+    assert [share.runs for share in made.shares(tmp_path)] == [(run,) for run in made.all_runs]
     monkeypatch.setattr(Counting, "SHARING", "way")
-    made.measure_or_load(made.all_runs[0], tmp_path, silent)
-    assert made.shares(tmp_path) == [(1,), (2, 3)]
+    made.measure_or_load(first, tmp_path, silent)
+    assert [share.runs for share in made.shares(tmp_path)] == [(second,), tuple(others)]
 
 
 def test_in_processes_failures_stop_no_other_and_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,7 +117,7 @@ def test_in_processes_failures_stop_no_other_and_are_told(tmp_path: Path, monkey
     outcome = rest.run_in_processes(tmp_path, silent)
     assert rest.asked == [0], "with one left it is measured here, and the others are read"
     assert [row["seed's"] for row in outcome.tables[0].rows] == [0, 0, 1, 1]
-    share = carrier.Share(Counting(), (0,), str(tmp_path))
+    share = carrier.Share((Counting().all_runs[0],), str(tmp_path), Counting())
     measure_share(share)
     assert share.experiment.asked == [], "what is done is only read"
 

@@ -45,7 +45,6 @@ from frida_painter_lab.benchmark.rivals import GREEDY_BRUSHES, PLAIN_BRUSH, plan
 from frida_painter_lab.benchmark.suite import VERSION, BenchmarkGoal, Budget, find_budget, find_goal, suite_digest
 from frida_painter_lab.experiment import (
     Experiment,
-    Labels,
     Measurement,
     Notify,
     Outcome,
@@ -53,11 +52,10 @@ from frida_painter_lab.experiment import (
     Results,
     ResultTable,
     Row,
-    Run,
-    Value,
     format_value,
 )
 from frida_painter_lab.paintings import StudioWithout
+from frida_painter_lab.runs import Labels, Run, Value
 from frida_painter_lab.sweeps.report import Mean, Result, paired_tests
 from frida_painter_lab.sweeps.runner import fix_to_plan
 

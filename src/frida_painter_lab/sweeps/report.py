@@ -17,64 +17,16 @@ from frida_painter import images, registry, storage
 from frida_painter.errors import ConfigError
 from frida_painter.report.chart import Series, chart
 from frida_painter.report.page import template
-from frida_painter.session.time_left import Pace, duration
-from frida_painter_lab.sweeps.sweep_folder import TABLE, FileHashes, SweepFolder, expand_runs
-from frida_painter_lab.sweeps.sweep_spec import SweepRun, SweepSpec, Value
+from frida_painter.session.time_left import duration
+from frida_painter_lab.runs import Labels, RunFolder, Value
+from frida_painter_lab.sweeps.sweep_folder import TABLE, SweepFolder
+from frida_painter_lab.sweeps.sweep_spec import FileHashes, SweepRun, SweepSpec, expand_runs
 
 if TYPE_CHECKING:
     import pyarrow
 
 
 Record = Mapping[str, Any]
-
-# Progress of a sweep, and the remaining time, estimated from the ended runs and the cost of the others.
-
-
-@dataclass(frozen=True)
-class SweepProgress:
-    """Progress of a sweep.
-
-    seconds_left: None until a run has ended
-    slots: number of runs at the same time
-    """
-
-    total: int
-    done: int
-    failed: int
-    seconds_left: float | None
-    slots: int
-
-
-class Tally:
-    """Counter of a sweep's runs as they end.
-
-    slots: number of runs at the same time
-    """
-
-    def __init__(self, runs: Sequence[SweepRun], slots: int) -> None:
-        self._total, self.slots = len(runs), slots
-        self._left = sum(run.cost for run in runs)
-        self._pace = Pace()
-        self._done = self._failed = 0
-
-    def count_done(self, run: SweepRun, record: Mapping[str, Any]) -> None:
-        """Counts a finished run."""
-        self._done += 1
-        self._left -= run.cost
-        self._pace.measure(record["times"]["wall_seconds"], run.cost)
-
-    def count_failed(self, run: SweepRun) -> None:
-        """Counts a run that failed for good."""
-        self._failed += 1
-        self._left -= run.cost
-
-    @property
-    def progress(self) -> SweepProgress:
-        """Current progress."""
-        at_once = max(1, min(self.slots, self._total - self._done - self._failed))
-        seconds = self._pace.time_for(self._left) / at_once if self._pace.units else None
-        return SweepProgress(self._total, self._done, self._failed, seconds, self.slots)
-
 
 # State of a sweep, folded from its folder: during the work of another process and after it.
 
@@ -88,6 +40,7 @@ class SweepState:
     runs: all of them, in order
     records: results of the finished runs, by key
     failures: reasons of failed runs, by key
+    slots: number of runs at the same time
     working: True if a process works on it now
     done_before: number of runs that earlier calls had finished
     remarks: sentences for a person
@@ -98,14 +51,32 @@ class SweepState:
     runs: tuple[SweepRun, ...]
     records: Mapping[str, Record]
     failures: Mapping[str, Record]
-    progress: SweepProgress
+    slots: int
     working: bool = False
     done_before: int = 0
     remarks: tuple[str, ...] = ()
 
+    @property
+    def seconds_left(self) -> float:
+        """Seconds for the runs that have not ended, each as long as the mean of the finished ones; infinite if none."""
+        left = len(self.runs) - len(self.records) - len(self.failures)
+        took = [record["times"]["wall_seconds"] for record in self.records.values()]
+        return left * float(np.mean(took)) / max(1, min(self.slots, left)) if took else math.inf
+
+    @property
+    def summary(self) -> str:
+        """Progress in one sentence."""
+        done, failed, total = len(self.records), len(self.failures), len(self.runs)
+        told = f"{done} of {total} runs done" + (f", {failed} failed" if failed else "")
+        if done + failed >= total:
+            return f"{told}."
+        if not self.working:
+            return f"{told}, and nobody works on it; run the sweep again to continue."
+        return f"{told}." if math.isinf(self.seconds_left) else f"{told}, about {duration(self.seconds_left)} left."
+
     def lines(self) -> list[str]:
         """Returns the state as lines for a terminal."""
-        told = [f"{self.spec.title or self.folder.name}: {summary(self.progress, working=self.working)}"]
+        told = [f"{self.spec.title or self.folder.name}: {self.summary}"]
         told += [f"  {describe_run(failure)}: {failure['error']}" for failure in list(self.failures.values())[:_SHOWN]]
         if len(self.failures) > _SHOWN:
             told.append(f"  and {len(self.failures) - _SHOWN} more that failed")
@@ -121,48 +92,38 @@ class SweepState:
 
         Raises ConfigError if runs do not differ in that field, or if none has that figure.
         """
-        done = [(run.labels, self.records[run.key]["figures"]) for run in self.runs if run.key in self.records]
-        fields, figures = {name for labels, _ in done for name in labels}, {name for _, all_ in done for name in all_}
-        for name, known, what in ((field, fields, "a field in which runs differ"), (figure, figures, "a figure")):
+        figures = {name for record in self.records.values() for name in record["figures"]}
+        for name, known, what in (
+            (field, self.spec.axes, "a field in which runs differ"),
+            (figure, figures, "a figure"),
+        ):
             if name not in known:
                 raise ConfigError(f"{name[:40]!r} is not {what}; there are {', '.join(sorted(known)) or 'none'}.")
-        results = [Result(labels, found[figure]) for labels, found in done if figure in found]
-        return paired_tests(results, [field])
+        return paired_tests(self.results(figure), [field])
+
+    def results(self, figure: str) -> "list[Result]":
+        """Returns a figure of the runs that have it."""
+        done = [(run.labels, self.records[run.key]["figures"]) for run in self.runs if run.key in self.records]
+        return [Result(labels, figures[figure]) for labels, figures in done if figure in figures]
 
 
 def read_state(folder: Path) -> SweepState:
     """Returns the state of the sweep in a folder. Raises ConfigError if there is none."""
     place = SweepFolder(folder)
-    spec, known, slots = place.read_request()
-    return fold(place, spec, expand_runs(spec, FileHashes(known, reread=False), place.read_program()), slots)
+    spec, known, slots, program = place.read_request()
+    return fold(place, spec, expand_runs(spec, FileHashes(known), program), slots)
 
 
 def fold(place: SweepFolder, spec: SweepSpec, runs: tuple[SweepRun, ...], slots: int) -> SweepState:
     """Returns the state of these runs. slots: number of runs at the same time."""
-    tally, records, failures = Tally(runs, slots), dict[str, Record](), dict[str, Record]()
+    records, failures = dict[str, Record](), dict[str, Record]()
     for run in runs:
-        kept = place.run(run.key)
+        kept = RunFolder(place.path, run.key)
         if (record := kept.record()) is not None:
             records[run.key] = {**record, "labels": dict(run.labels)}  # it may have been done for another sweep
-            tally.count_done(run, record)
         elif (failure := kept.failure()) is not None:
             failures[run.key] = failure
-            tally.count_failed(run)
-    return SweepState(place.path, spec, runs, records, failures, tally.progress, place.is_held)
-
-
-def summary(progress: SweepProgress, *, working: bool) -> str:
-    """Returns the progress in one sentence."""
-    told = f"{progress.done} of {progress.total} runs done"
-    if progress.failed:
-        told += f", {progress.failed} failed"
-    if progress.done + progress.failed >= progress.total:
-        return f"{told}."
-    if not working:
-        return f"{told}, and nobody works on it; run the sweep again to continue."
-    if progress.seconds_left is None:
-        return f"{told}."
-    return f"{told}, about {duration(progress.seconds_left)} left."
+    return SweepState(place.path, spec, runs, records, failures, slots, place.is_held)
 
 
 def describe_run(failure: Mapping[str, Any]) -> str:
@@ -182,7 +143,7 @@ _FEWEST = 3  # pairs, for a test
 class Result:
     """Result of one run: the varied fields, and a figure."""
 
-    labels: Mapping[str, Value]
+    labels: Labels
     figure: float
 
 
@@ -300,77 +261,44 @@ _MAX_SERIES = 5
 _SEED = "seed"
 
 
-@dataclass(frozen=True)
-class _Picture:
-    """Picture of a run on the contact sheet."""
-
-    file: str
-    caption: str
-
-
 def write_report(state: SweepState) -> Path:
     """Writes the results: contact sheet, curves with confidence intervals, paired tests. Raises StorageError."""
-    figure = figure_of(state)
-    results = [] if figure is None else results_of(state, figure)
-    varied = [name for name in state.spec.axes if len({repr(run.labels.get(name)) for run in state.runs}) > 1]
-    charts = [] if figure is None else _charts(state, results, varied, figure)
-    tests = paired_tests(results, [name for name in varied if name != _SEED])
-    path = state.folder / REPORT_PAGE
-    storage.write_text(path, _page(state, _contact_sheet(state, varied, figure), charts, tests, figure or ""))
-    return path
-
-
-def figure_of(state: SweepState) -> str | None:
-    """Returns the figure by which the runs are compared; None if no run has one."""
     known = {name for record in state.records.values() for name in record["figures"]}
-    return next((name for name in _FIGURES[state.spec.kind] if name in known), None)
-
-
-def results_of(state: SweepState, figure: str) -> list[Result]:
-    """Returns that figure of the runs that have it."""
-    return [
-        Result(run.labels, state.records[run.key]["figures"][figure])
-        for run in state.runs
-        if figure in state.records.get(run.key, {}).get("figures", {})
-    ]
-
-
-def _page(
-    state: SweepState, pictures: Sequence[_Picture], charts: Sequence[str], tests: Sequence[FieldEffect], figure: str
-) -> str:
-    progress = state.progress
+    figure = next((name for name in _FIGURES[state.spec.kind] if name in known), "")
+    results = state.results(figure)
+    varied = [name for name in state.spec.axes if len({repr(run.labels.get(name)) for run in state.runs}) > 1]
     failures = [(describe_run(failure), failure["error"]) for failure in state.failures.values()]
-    seconds = sum(record["times"]["cpu_seconds"] for record in state.records.values())
     facts: list[tuple[str, str]] = [("Kind of run", state.spec.kind)]
     for name in state.spec.axes:
-        values = dict.fromkeys(run.labels.get(name) for run in state.runs)
-        facts.append((name, ", ".join(map(_format_value, values))))
-    facts.append(("CPU time", duration(seconds)))
+        told = ", ".join(map(_format_value, dict.fromkeys(run.labels.get(name) for run in state.runs)))
+        facts.append((name, told if len(told) <= 400 else f"{told[:397]}..."))
+    facts.append(("CPU time", duration(sum(record["times"]["cpu_seconds"] for record in state.records.values()))))
+    done = [run for run in state.runs if run.key in state.records]
+    pictures = []
+    for run in done[:: -(-len(done) // _MAX_PICTURES) or 1]:  # an even selection of very many
+        told = ", ".join(
+            value if isinstance(value := run.labels.get(name), str) else f"{name} {_format_value(value)}"
+            for name in varied
+        )
+        value = state.records[run.key]["figures"].get(figure)
+        caption = (told or run.key) + ("" if value is None else f": {value:.4g}")
+        picture = "plan.png" if state.spec.kind == "plan" else "painting.png"
+        pictures.append({"file": f"runs/{run.key}/{picture}", "caption": caption})
     html = template("sweep.html").render(
         title=state.spec.title or state.folder.name,
-        summary=summary(progress, working=state.working),
-        facts=[(name, value if len(value) <= 400 else f"{value[:397]}...") for name, value in facts],
+        summary=state.summary,
+        facts=facts,
         failures=failures[:_MAX_FAILURES],
         more_failures=max(0, len(failures) - _MAX_FAILURES),
         pictures=pictures,
-        left_out=max(0, len(state.records) - len(pictures)) if pictures else 0,
-        charts=charts,
-        tests=[_row(test) for test in tests],
+        left_out=len(done) - len(pictures),
+        charts=_charts(state, results, varied, figure),
+        tests=[_row(test) for test in paired_tests(results, [name for name in varied if name != _SEED])],
         figure=figure,
     )
-    return html.encode("utf-8", "replace").decode("utf-8")
-
-
-def _contact_sheet(state: SweepState, varied: Sequence[str], figure: str | None) -> list[_Picture]:
-    """Returns the pictures of the runs in order; an even selection of very many."""
-    done = [run for run in state.runs if run.key in state.records]
-    name = "plan.png" if state.spec.kind == "plan" else "painting.png"
-    found = []
-    for run in done[:: -(-len(done) // _MAX_PICTURES) or 1]:
-        value = state.records[run.key]["figures"].get(figure)
-        told = "" if value is None else f": {value:.4g}"
-        found.append(_Picture(f"runs/{run.key}/{name}", f"{_words(run, varied)}{told}"))
-    return found
+    path = state.folder / REPORT_PAGE
+    storage.write_text(path, html.encode("utf-8", "replace").decode("utf-8"))
+    return path
 
 
 def _charts(state: SweepState, results: Sequence[Result], varied: Sequence[str], figure: str) -> list[str]:
@@ -385,21 +313,16 @@ def _charts(state: SweepState, results: Sequence[Result], varied: Sequence[str],
             continue
         others = [name for name in varied if name not in (field, _SEED)]
         few = (name for name in others if 2 <= len({one.labels.get(name) for one in results}) <= _MAX_SERIES)
-        found = means(results, field, next(few, None))
-        lines = [_series("all runs" if name is None else _format_value(name), points) for name, points in found.items()]
+        lines = []
+        for name, points in means(results, field, next(few, None)).items():
+            mean, low, high = ([getattr(one, part) for one in points.values()] for part in ("value", "low", "high"))
+            told = "all runs" if name is None else _format_value(name)
+            lines.append(Series(told, list(points), mean, low, high, band=False))
         above = all(min(line.low) > 0 for line in lines)
-        picture = chart(
-            f"{figure} by {field}", field, f"{figure}; bars: 95 % confidence of the mean", lines, logarithmic=above
-        )
-        name = f"chart-{number}.png"
-        images.save(picture, state.folder / name)
-        made.append(name)
+        words = f"{figure}; bars: 95 % confidence of the mean"
+        made.append(f"chart-{number}.png")
+        images.save(chart(f"{figure} by {field}", field, words, lines, logarithmic=above), state.folder / made[-1])
     return made
-
-
-def _series(name: str, points: dict[float, Mean]) -> Series:
-    mean, low, high = ([getattr(one, part) for one in points.values()] for part in ("value", "low", "high"))
-    return Series(name, list(points), mean, low, high, band=False)
 
 
 def _row(test: FieldEffect) -> tuple[str, ...]:
@@ -412,15 +335,6 @@ def _row(test: FieldEffect) -> tuple[str, ...]:
         f"{test.more} of {change.count}",
         f"{test.t:.2g}",
         f"{test.wilcoxon:.2g}",
-    )
-
-
-def _words(run: SweepRun, varied: Sequence[str]) -> str:
-    """Returns the labels of a run that distinguish it from the others."""
-    told = [(name, run.labels.get(name)) for name in varied]
-    return (
-        ", ".join(value if isinstance(value, str) else f"{name} {_format_value(value)}" for name, value in told)
-        or run.key
     )
 
 
@@ -448,7 +362,7 @@ def flat(record: Mapping[str, Any]) -> dict[str, Any]:
     goal = settings.pop("set goal", None)
     return {
         "key": record["key"],
-        "kind": record["kind"],
+        "kind": record.get("kind"),
         "status": "failed" if "error" in record else "done",
         **labels,
         **record.get("figures", {}),

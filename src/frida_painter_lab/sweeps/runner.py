@@ -4,54 +4,48 @@ import math
 import platform
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import closing, suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import torch
-from torch import Tensor
-
 from frida_painter import images
-from frida_painter.errors import ConfigError, PlanError, StorageError, WorkerUnfit
+from frida_painter.errors import ConfigError, PlanError, WorkerUnfit
 from frida_painter.plan import Plan
 from frida_painter.provenance import describe_here, identify
-from frida_painter.runs.painting_folder import hash_files
+from frida_painter.runs.painting_folder import content_hash, hash_files
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
 from frida_painter.runs.spec import RunSpec
-from frida_painter_lab.sweeps.engine import Engine, TaskLimits, slots_here
-from frida_painter_lab.sweeps.report import Record, SweepProgress, SweepState, Tally, fold, keep_table
-from frida_painter_lab.sweeps.sweep_folder import FileHashes, RunFolder, SweepFolder, expand_runs
-from frida_painter_lab.sweeps.sweep_spec import SweepRun, SweepSpec
+from frida_painter_lab.experiment import Notify, Share, do_shares, silent
+from frida_painter_lab.measures import mse, psnr
+from frida_painter_lab.runs import RunFolder
+from frida_painter_lab.sweeps.engine import TaskLimits, slots_here
+from frida_painter_lab.sweeps.report import SweepState, fold, keep_table
+from frida_painter_lab.sweeps.sweep_folder import SweepFolder
+from frida_painter_lab.sweeps.sweep_spec import FileHashes, SweepRun, SweepSpec, expand_runs
 
 # A run in a process of an engine: plans, paints or evaluates it, and writes the results to its folder.
 # This module is loaded before the first run, so that no run waits for PyTorch.
 
 
-@dataclass(frozen=True)
-class Assignment:
-    """Run with the folder of its sweep."""
-
-    run: SweepRun
-    sweep: str
-
-
-def perform(assignment: Assignment) -> dict[str, Any]:
+def perform(share: Share) -> dict[str, Any]:
     """Does a run, and returns its record, which is also in its folder. A run that is already done is only read.
 
     A lock on the folder keeps a process that a dead driver left behind from doing the same run.
-    Raises WorkerUnfit if the program has changed since the sweep began, StorageError if nothing can be written, and
-    the errors of the run.
+    Raises WorkerUnfit if the program has changed since the sweep began, ConfigError if a file of the run has,
+    StorageError if nothing can be written, and the errors of the run.
     """
-    run, sweep = assignment.run, Path(assignment.sweep)
+    (run,) = share.runs
+    assert isinstance(run, SweepRun)
     made_with = describe_here()
-    here = identify(made_with)
-    if here != run.program:
+    if (here := identify(made_with)) != run.program:
         raise WorkerUnfit(f"This is {here}, and the sweep was begun with {run.program}; run it again with one of them.")
-    folder = RunFolder(sweep, run.key)
+    for name, before in run.files.items():
+        if content_hash(Path(name)) != before:
+            raise ConfigError(f"{name} has changed since the sweep began; run the sweep again.")
+    folder = RunFolder(Path(share.keep), run.key)
     with folder.lock():
         known = folder.record()
         if known is not None:
@@ -60,18 +54,17 @@ def perform(assignment: Assignment) -> dict[str, Any]:
         made = None if run.plan is None else Plan.load(run.plan)
         with PaintingRun(run.spec if made is None else fix_to_plan(run.spec, made)) as opened:
             figures = _figures(run.kind, opened, made, folder)
-        times = {
-            "cpu_seconds": time.process_time() - cpu,
-            "wall_seconds": time.perf_counter() - started,
-            "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
-        }
         record = {
             "key": run.key,
             "kind": run.kind,
             "labels": dict(run.labels),
             "settings": {**opened.spec.record(), "goal": [list(fact) for fact in opened.spec.goal_facts]},
             "figures": {name: value for name, value in figures.items() if math.isfinite(value)},
-            "times": times,
+            "times": {
+                "cpu_seconds": time.process_time() - cpu,
+                "wall_seconds": time.perf_counter() - started,
+                "ended": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            },
             "versions": made_with,
             "host": platform.node(),
             "files": hash_run(folder.path),
@@ -90,15 +83,9 @@ def fix_to_plan(spec: RunSpec, plan: Plan) -> RunSpec:
     wells = max(end - first for first, end in (layer.paints for layer in plan.layers))
     brushes = ",".join(layer.brush for layer in plan.layers) if len(plan.brushes) > 1 else plan.brushes[0]
     return spec.with_values(
-        strokes=len(plan),
-        layers=None,
-        colors=wells,
-        brushes=brushes,
-        ground=ground_of(plan),
-        canvas=plan.canvas,
-        fit="crop",
-        replans=0,
-    )
+        strokes=len(plan), layers=None, colors=wells, brushes=brushes, ground=ground_of(plan), canvas=plan.canvas,
+        fit="crop", replans=0,
+    )  # fmt: skip
 
 
 def _figures(kind: str, opened: PaintingRun, made: Plan | None, folder: RunFolder) -> Mapping[str, float]:
@@ -111,36 +98,28 @@ def _figures(kind: str, opened: PaintingRun, made: Plan | None, folder: RunFolde
     if made is None:
         plan.save(folder.path / "plan.json")
     picture = planner.expected(plan, bare)
+    wanted = None if target is None else images.fit(target, *picture.shape[1:])
     images.save(picture, folder.path / "plan.png")
     figures: dict[str, float] = {"strokes planned": len(plan), "loss of the plan": planner.expected_loss(plan, bare)}
     forecast = planner.forecast(plan, bare)
     if forecast is not None:
         figures["expected dB"] = forecast.expected
-    if target is not None:
-        figures["plan dB"] = psnr(picture, target)
+    if wanted is not None:
+        figures["plan dB"] = psnr(picture, wanted)
     if kind != "plan":
         painting = opened.simulate(plan)
         images.save(painting.photograph, folder.path / "painting.png")
         seen = images.fit(painting.photograph, *picture.shape[1:])
         figures["strokes painted"] = painting.painted
         figures["robot seconds"] = painting.robot_seconds
-        figures["sim2real error"] = float((seen - picture).square().mean())
-        if target is not None:
-            figures["painting dB"] = psnr(seen, target)
+        figures["sim2real error"] = mse(seen, picture)
+        if wanted is not None:
+            figures["painting dB"] = psnr(seen, wanted)
     return figures
-
-
-def psnr(picture: Tensor, target: Tensor) -> float:
-    """Returns the peak signal-to-noise ratio of a picture [3, H, W] to a target of any size, in dB."""
-    with torch.no_grad():
-        error = (picture - images.fit(target, *picture.shape[1:])).square().mean()
-    return float(-10 * error.clamp(min=1e-12).log10())
 
 
 MANY = 10_000
 """Number of runs above which a person is asked first."""
-
-Notify = Callable[[SweepProgress], None]
 
 
 def sweep(
@@ -148,7 +127,7 @@ def sweep(
     folder: str | Path | None = None,
     *,
     jobs: int | None = None,
-    notify: Notify = lambda progress: None,
+    notify: Notify = silent,
     most: int | None = MANY,
 ) -> SweepState:
     """Does all runs of a sweep that are not done yet, and returns the outcome of all.
@@ -171,92 +150,36 @@ def sweep(
         ...     print(len(outcome.records), len(outcome.failures))
         2 0
     """
-    spec = _spec_of(what)
-    refuse_many(spec, most)
-    place = SweepFolder(Path(folder) if folder is not None else default_folder(spec))
-    limits = TaskLimits(spec.time_limit, spec.threads, spec.memory, spec.tries)
-    hashes = FileHashes(place.read_request()[1] if place.is_begun else None)
-    runs = expand_runs(spec, hashes)  # a wrong sweep is refused before its folder is made
-    with place.lock():
-        done = fold(place, spec, runs, 1).records
-        left = [run for run in runs if run.key not in done]
-        slots = max(1, min(slots_here(limits, jobs), len(left)))
-        place.keep(spec, hashes.by_path, slots)
-        failures: dict[str, Record] = {}
-        tally = Tally(runs, slots)
-        for run in runs:
-            if run.key in done:
-                tally.count_done(run, done[run.key])
-        remarks: list[str] = []
-        try:
-            if left:
-                notify(tally.progress)
-                _lead(Engine(limits, slots), place, _copied(left, place, hashes), tally, failures, notify)
-        finally:
-            found = replace(fold(place, spec, runs, slots), failures=failures, working=False)
-            remarks += keep_table(found)
-        if hashes.vanished:
-            names = ", ".join(sorted(hashes.vanished))
-            remarks.insert(0, f"{names} vanished; the copy in the sweep's folder is used.")
-        return replace(found, done_before=len(done), remarks=tuple(remarks))
-
-
-def _copied(runs: Sequence[SweepRun], place: SweepFolder, hashes: FileHashes) -> list[Assignment]:
-    """Returns the runs as tasks, with copies of their pictures in the sweep's folder."""
-    paths = dict.fromkeys(path for run in runs for path in run.pictures)
-    copies = {path: str(place.copy_of(Path(path), hashes.by_path[str(Path(path).absolute())])) for path in paths}
-    return [Assignment(run.with_pictures(copies), str(place.path)) for run in runs]
-
-
-def _lead(
-    engine: Engine,
-    place: SweepFolder,
-    tasks: Sequence[Assignment],
-    tally: Tally,
-    failures: dict[str, Record],
-    notify: Notify,
-) -> None:
-    """Lets the engine do the runs, and adds to `failures` those that failed. Raises StorageError, WorkerUnfit."""
-    with closing(engine.run(perform, tasks)) as ended:
-        for one in ended:
-            if one.error is None:
-                tally.count_done(one.task.run, one.value)
-            else:
-                failures[one.task.run.key] = _keep_failure(place, one.task.run, one.error)
-                tally.count_failed(one.task.run)
-            notify(tally.progress)
-
-
-def _keep_failure(place: SweepFolder, run: SweepRun, error: Exception) -> Record:
-    """Keeps and returns why a run failed. Raises the error if no other run could be done either."""
-    if isinstance(error, WorkerUnfit):
-        raise error
-    if isinstance(error, StorageError):
-        place.require_space()
-    failure = {
-        "key": run.key, "kind": run.kind, "labels": dict(run.labels), "error": str(error),
-        "times": {"ended": datetime.now(UTC).isoformat(timespec="milliseconds")}, "host": platform.node(),
-    }  # fmt: skip
-    with suppress(StorageError):  # another file is in place of its folder; the other runs go on
-        place.run(run.key).keep_failure(failure)
-    return failure
-
-
-def refuse_many(spec: SweepSpec, most: int | None) -> None:
-    """Raises ConfigError for more runs than `most`."""
+    if isinstance(what, SweepSpec):
+        spec = what
+    else:
+        spec = (
+            SweepSpec.of_files(dict(what), Path.cwd()) if isinstance(what, Mapping) else SweepSpec.from_toml(Path(what))
+        )
     if most is not None and spec.count > most:
         raise ConfigError(f"The sweep has {spec.count:,} runs, and {most:,} are the most without --yes (most=None).")
+    place = SweepFolder(Path(folder) if folder is not None else default_folder(spec))
+    limits = TaskLimits(spec.time_limit, spec.threads, spec.memory, spec.tries)
+    hashes = FileHashes()
+    runs = expand_runs(spec, hashes)  # a wrong sweep is refused before its folder is made
+    with place.lock():
+        left = [run for run in runs if RunFolder(place.path, run.key).record() is None]
+        slots = max(1, min(slots_here(limits, jobs), len(left)))
+        place.keep(spec, hashes.by_path, slots)
+        failures, remarks = dict[str, Mapping[str, Any]](), tuple[str, ...]()
+        try:
+            if left:
+                shares = [Share((run,), str(place.path)) for run in left]
+                failures |= do_shares(perform, shares, place.path, limits, slots, len(runs), notify)
+        finally:
+            found = replace(fold(place, spec, runs, slots), failures=failures, working=False)
+            remarks = keep_table(found)
+        return replace(found, done_before=len(runs) - len(left), remarks=remarks)
 
 
 def default_folder(spec: SweepSpec) -> Path:
     """Returns the default folder of a sweep."""
     return Path("sweeps") / (re.sub(r"[^\w.]+", "-", spec.title).strip("-.") or "sweep")
-
-
-def _spec_of(what: str | Path | SweepSpec | Mapping[str, Any]) -> SweepSpec:
-    if isinstance(what, SweepSpec):
-        return what
-    return SweepSpec.of_files(dict(what), Path.cwd()) if isinstance(what, Mapping) else SweepSpec.from_toml(Path(what))
 
 
 # The best of several plans with different seeds: a small sweep before a painting.
@@ -274,7 +197,7 @@ class Candidate:
     comparison: str
 
 
-def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None = None, notify: Notify) -> Candidate:
+def best_candidate(spec: RunSpec, count: int, folder: Path, notify: Notify) -> Candidate:
     """Plans with `count` successive seeds in several processes, and returns the best.
 
     folder: for the sweep
@@ -282,10 +205,10 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None 
     The criterion is the expected similarity of the painting for a photograph, and the loss of the plan otherwise.
     Raises PlanError if no seed made a plan, and the errors of `sweep`.
     """
-    settings = SweepRun.settings_of(spec)
+    settings = {name: value for name, value in spec.record().items() if name in spec.model_fields_set}
+    settings |= {part: [item.model_dump() for item in getattr(spec, part)] for part in ("goal", "initial")}
     seeds = [seed for seed in range(spec.seed, spec.seed + count) if seed <= _LAST_SEED]
-    asked = SweepSpec.of(title="candidates", kind="plan", settings=settings, grid={"seed": seeds})
-    outcome = sweep(asked, folder, jobs=jobs, notify=notify)
+    outcome = sweep(SweepSpec.of(title="candidates", settings=settings, grid={"seed": seeds}), folder, notify=notify)
     if not outcome.records:
         first = next(iter(outcome.failures.values()))
         raise PlanError(f"None of the {count} seeds made a plan: {first['error']}")
@@ -295,7 +218,7 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, *, jobs: int | None 
     told = f"The best of {len(found)} seeds is {seed}: {figure} {best['figures'][figure]:.4g}"
     if len(found) > 1:
         told += f", the worst {worst['figures'][figure]:.4g}"
-    plan = Plan.load(outcome.folder / "runs" / best["key"] / "plan.json")
+    plan = Plan.load(RunFolder(outcome.folder, best["key"]).path / "plan.json")
     return Candidate(spec.with_values(seed=seed, ground=ground_of(plan)), plan, f"{told}.")
 
 

@@ -1,6 +1,5 @@
 """The commands for many runs: sweep FILE, sweep status, sweep report."""
 
-import math
 import sys
 import time
 from pathlib import Path
@@ -13,13 +12,11 @@ from typer.core import TyperGroup
 from frida_painter.errors import Interrupted, TryFailed
 from frida_painter.options import out_folder, whole_number_within
 from frida_painter.storage import count_of
+from frida_painter_lab.commands import show_progress
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from frida_painter.plan import Plan
     from frida_painter.runs.spec import RunSpec
-    from frida_painter_lab.sweeps.report import SweepProgress
 
 SweepFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="A sweep file (TOML, docs/how-to/sweep.md).", show_default=False)
@@ -79,8 +76,6 @@ def run(
     Every run has a folder of its own. Run the same command again to continue after an interruption; what was done is
     not done again. A run that fails, hangs or is killed is tried again, then reported, and never stops the others.
     """
-    from rich.console import Console
-
     from frida_painter.cli.leading import confirm
     from frida_painter.session.time_left import duration
     from frida_painter_lab.sweeps.runner import MANY, default_folder, sweep
@@ -93,8 +88,8 @@ def run(
             raise Interrupted(f"The sweep has {spec.count:,} runs, and nothing was begun; say --yes if that is meant.")
     folder = out or default_folder(spec)
     started = time.monotonic()
-    with _sweep_line(Console(stderr=True, highlight=False)) as line:
-        outcome = sweep(spec, folder, jobs=jobs, notify=line.hear, most=None)
+    with show_progress() as hear:
+        outcome = sweep(spec, folder, jobs=jobs, notify=hear, most=None)
     new = len(outcome.records) - outcome.done_before
     print(
         f"{count_of(len(outcome.records), 'run')} of {len(outcome.runs)} done"
@@ -131,37 +126,9 @@ def report(folder: FolderOfSweep) -> None:
 
 def choose_candidate(spec: "RunSpec", candidates: int) -> "tuple[RunSpec, Plan]":
     """Returns the spec with the best of `candidates` seeds, and its plan; shows progress and prints the choice."""
-    from rich.console import Console
-
     from frida_painter_lab.sweeps.runner import best_candidate
 
-    with TemporaryDirectory() as folder, _sweep_line(Console(stderr=True, highlight=False)) as line:
-        best = best_candidate(spec, candidates, Path(folder), notify=line.hear)
+    with TemporaryDirectory() as folder, show_progress() as hear:
+        best = best_candidate(spec, candidates, Path(folder), hear)
     print(best.comparison, file=sys.stderr)
     return best.spec, best.plan
-
-
-def _sweep_line(console: "Console") -> Any:
-    """Returns a line on the terminal for the progress of many runs."""
-    from frida_painter.cli.terminal import Line, progress_bar
-
-    class SweepLine(Line):
-        """Line on the terminal for the progress of many runs."""
-
-        def __init__(self, console: "Console") -> None:
-            super().__init__(progress_bar(console))
-            self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
-
-        def hear(self, progress: "SweepProgress") -> None:
-            """Shows the progress."""
-            ended = progress.done + progress.failed
-            failed = f", {progress.failed} failed" if progress.failed else ""
-            left = math.inf if progress.seconds_left is None else progress.seconds_left
-            self._bar.update(
-                self._task,
-                description=f"{progress.done} of {progress.total} runs done{failed}, {progress.slots} at the same time",
-                completed=ended / max(progress.total, 1),
-                left=left,
-            )
-
-    return SweepLine(console)

@@ -4,11 +4,10 @@ A grid makes a run of every combination of its values. A list makes the runs tha
 the list is made with every combination. The settings are common to all runs.
 """
 
-import hashlib
-import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -16,31 +15,19 @@ from typing import Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from frida_painter import storage
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, FridaError
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.provenance import identify_here
-from frida_painter.runs.goal_item import GoalItem
+from frida_painter.runs.painting_folder import content_hash
 from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import FILES, RunSpec
+from frida_painter_lab.runs import Run, Value, content_key
 
-KINDS = ("plan", "painting", "evaluation")
 PLAN = "plan"
 """Field of evaluations only: the file of the plan to paint."""
 _MAX_BYTES = 2**22
+_MAX_FAULTS = 5
 _EXAMPLE = 'write lines such as kind = "plan", and under [grid] lines such as seed = [0, 1, 2]'
-_SECONDS, _CORES, _MEMORY, _TRIES = 30 * 86400, 256, 2**20, 20  # upper limits
-_ALLOWED = {
-    "version": "1",
-    "title": "text of at most 80 characters",
-    "kind": f"one of {', '.join(KINDS)}",
-    "settings": "a section of fields, [settings]",
-    "grid": "a section of fields with lists of values, [grid]",
-    "runs": "a list of sections, [[runs]]",
-    "time_limit": f"a number of seconds above 0, at most {_SECONDS}",
-    "threads": f"a whole number of cores from 1 to {_CORES}",
-    "memory": f"a whole number of MB from 100 to {_MEMORY}",
-    "tries": f"a whole number from 1 to {_TRIES}",
-}
 
 Fields = Mapping[str, Any]
 """Fields of a run: those of RunSpec, `plan`, and the name of any kind of goal with one thing to paint."""
@@ -67,10 +54,10 @@ class SweepSpec(BaseModel):
     settings: dict[str, Any] = {}
     grid: dict[str, list[Any]] = {}
     runs: list[dict[str, Any]] = [{}]
-    time_limit: float = Field(3600.0, gt=0, le=_SECONDS, allow_inf_nan=False)
-    threads: int = Field(1, ge=1, le=_CORES)
-    memory: int = Field(1000, ge=100, le=_MEMORY)
-    tries: int = Field(3, ge=1, le=_TRIES)
+    time_limit: float = Field(3600.0, gt=0, le=30 * 86400, allow_inf_nan=False)
+    threads: int = Field(1, ge=1, le=256)
+    memory: int = Field(1000, ge=100, le=2**20)
+    tries: int = Field(3, ge=1, le=20)
 
     @classmethod
     def of(cls, **values: Any) -> Self:
@@ -92,17 +79,15 @@ class SweepSpec(BaseModel):
     @classmethod
     def of_files(cls, values: dict[str, Any], base: Path) -> Self:
         """Returns a checked description whose paths are relative to the folder `base`. Raises ConfigError."""
-        values = dict(values)
-        for name in ("settings", "grid"):
-            if isinstance(values.get(name), dict):
-                values[name] = {field: _resolve_paths(field, value, base) for field, value in values[name].items()}
+
+        def resolve(fields: Any) -> Any:
+            if not isinstance(fields, dict):
+                return fields
+            return {name: _resolve_paths(name, value, base) for name, value in fields.items()}
+
+        values = {**values, **{name: resolve(values[name]) for name in ("settings", "grid") if name in values}}
         if isinstance(values.get("runs"), list):
-            values["runs"] = [
-                {field: _resolve_paths(field, value, base) for field, value in run.items()}
-                if isinstance(run, dict)
-                else run
-                for run in values["runs"]
-            ]
+            values["runs"] = [resolve(run) for run in values["runs"]]
         return cls.of(**values)
 
     @property
@@ -129,30 +114,23 @@ class SweepSpec(BaseModel):
             f"{name[:40]!r} is not a field of a run; there are {', '.join(sorted(known - {'version'}))}"
             for name in sorted({*self.settings, *self.axes} - known)
         ]
-        faults += [f"{name} has no values; give at least one" for name, values in self.grid.items() if not values]
-        faults += [
-            f"{name} stands in the grid and in [[runs]]; give it in one of them"
-            for name in self.grid
-            if any(name in run for run in self.runs)
-        ]
+        for name, values in self.grid.items():
+            if not values:
+                faults.append(f"{name} has no values; give at least one")
+            if any(name in run for run in self.runs):
+                faults.append(f"{name} stands in the grid and in [[runs]]; give it in one of them")
         if not self.runs:
             faults.append("there are no runs; leave out the empty list, or give at least one run in it")
         if faults:
             raise ConfigError(f"The sweep cannot be read: {'; '.join(faults)}.")
 
 
-def run_spec(fields: Fields) -> RunSpec:
-    """Returns the run with these fields; fields named after a goal kind are added to its goal. Raises ConfigError."""
-    kinds = goal_kinds().by_name
-    for part in ("goal", "initial"):
-        given = fields.get(part, [])
-        if not isinstance(given, list | tuple) or any(isinstance(one, str | int | float) for one in given):
-            raise ConfigError(
-                f'{part} was given {str(given)[:40]!r}; it is a list of tables, as [{{ image = "a.jpg" }}].'
-            )
-    goal = [*fields.get("goal", []), *({name: fields[name]} for name in kinds if name in fields)]
-    rest = {name: value for name, value in fields.items() if name not in kinds and name not in ("goal", PLAN)}
-    return RunSpec.of(**rest, goal=goal)
+def _sentence(fault: Any) -> str:
+    """Returns one of pydantic's faults in plain words."""
+    name = ".".join(map(str, fault["loc"]))[:60]
+    if fault["type"] == "extra_forbidden":
+        return f"{name[:40]!r} is unknown; there are {', '.join(SweepSpec.model_fields)}"
+    return f"{name} was given {repr(fault['input'])[:40]}; it {fault['msg'].removeprefix('Input ')}"
 
 
 def _resolve_paths(field: str, value: Any, base: Path) -> Any:
@@ -172,10 +150,8 @@ def _resolve_paths(field: str, value: Any, base: Path) -> Any:
 
 def _each(value: Any, base: Path) -> list[Any]:
     """Returns the files of a pattern, sorted; other values as one. Raises ConfigError if no file matches."""
-    if not isinstance(value, str):
-        return [value]
-    if "*" not in value:
-        return [str(base / value)]
+    if not isinstance(value, str) or "*" not in value:
+        return [str(base / value) if isinstance(value, str) else value]
     path = Path(value)
     found = sorted(str(one) for one in (base / path.parent).glob(path.name))
     if not found:
@@ -185,53 +161,54 @@ def _each(value: Any, base: Path) -> list[Any]:
     return found
 
 
-def _sentence(fault: Any) -> str:
-    """Returns one of pydantic's faults in plain words."""
-    entry, *within = map(str, fault["loc"])
-    name = ".".join((entry, *within))[:60]
-    if fault["type"] == "extra_forbidden":
-        return f"{name[:40]!r} is unknown; there are {', '.join(SweepSpec.model_fields)}"
-    given = repr(fault["input"])
-    allowed = "a list of values, such as [1, 2]" if within and entry == "grid" else _ALLOWED[entry]
-    return f"{name} was given {given if len(given) <= 40 else f'{given[:37]}...'}; it is {allowed}"
+class FileHashes:
+    """Hashes of files by path, each computed once.
 
-
-# One run of a sweep as a plain value, small enough to be sent anywhere, with a key that identifies it.
-
-_KEY = 20  # hexadecimal digits: any two of a billion runs have the same key with a probability of about 10^-6
-
-Value = str | int | float | bool | None
-ContentHash = Callable[[Path], str]
-"""Returns the hash of the content of a file or a folder."""
-
-
-@dataclass(frozen=True)
-class SweepRun:
-    """Run of a sweep.
-
-    key: hash of everything that determines the result, including file contents, versions, plug-ins and code
-    kind: of work
-    labels: the fields in which runs differ, as plain values for tables
-    settings: fields of its RunSpec
-    plan: file of the plan that an evaluation paints
-    program: versions of this program, its libraries and plug-ins, and hashes of their code
-    cost: relative duration
+    known: hashes from the start of the sweep
     """
 
-    key: str
+    def __init__(self, known: Mapping[str, str] | None = None) -> None:
+        self.by_path = dict(known or {})
+
+    def of(self, path: Path) -> str:
+        """Returns the hash of a file, or of all files in a folder. Raises ConfigError if it is missing and unknown."""
+        name = str(path.absolute())
+        if name not in self.by_path:
+            if not storage.exists(path):
+                raise ConfigError(f"{storage.abridge(path)} does not exist; a run of the sweep needs it.")
+            self.by_path[name] = content_hash(path)
+        return self.by_path[name]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepRun(Run):
+    """Run of a sweep: a RunSpec and what is done with it.
+
+    kind: of work
+    spec: of the painting
+    plan: file of the plan that an evaluation paints
+    program: versions of this program, its libraries and plug-ins, and hashes of their code
+    files: hashes of the files that decide the result, by path
+    """
+
     kind: str
-    labels: Mapping[str, Value]
-    settings: Mapping[str, Any]
+    spec: RunSpec
     plan: str | None = None
     program: str = ""
-    cost: float = 1.0
+    files: Mapping[str, str] = field(default_factory=dict)
+
+    @cached_property
+    def key(self) -> str:  # type: ignore[override]
+        """Hash of everything that determines the result. Labels do not count: other sweeps have other ones."""
+        return content_key(self.program, self.kind, self.depends_on)
 
     @classmethod
     def of(
-        cls, kind: str, differing: Fields, fields: Fields, hash_of: ContentHash, program: str | None = None
-    ) -> "SweepRun":
+        cls, kind: str, differing: Fields, fields: Fields, hash_of: Callable[[Path], str], program: str | None = None
+    ) -> Self:
         """Returns the run with these fields. Raises ConfigError for invalid fields, and the errors of `hash_of`.
 
+        hash_of: hash of the content of a file or a folder
         program: what does the run, as `provenance.identify` tells it. None: what is here
         """
         spec = run_spec(fields)
@@ -244,53 +221,72 @@ class SweepRun:
             raise ConfigError("An evaluation paints a plan that was made before; name its file: plan = FILE.")
         if not spec.goal:
             raise ConfigError('A run has nothing to paint; name a picture or words, such as image = "photo.jpg".')
-        program = identify_here() if program is None else program
         chosen = spec.record()
-        goal = {part: [_identity(item, hash_of) for item in getattr(spec, part)] for part in ("goal", "initial")}
-        files = {name: hash_of(Path(chosen[name])) for name in FILES if chosen[name] is not None}
-        files |= {brush: hash_of(path) for brush in spec.brush_names if (path := brush_file(brush)) is not None}
-        if plan is not None:
-            files[PLAN] = hash_of(Path(plan))
-        everything = json.dumps([program, kind, {**chosen, **goal, **files}], sort_keys=True)
+        files = {name: Path(chosen[name]) for name in FILES if chosen[name] is not None}
+        files |= {brush: path for brush in spec.brush_names if (path := brush_file(brush)) is not None}
+        files |= {} if plan is None else {PLAN: Path(plan)}
+        pictures = [item.path for item in (*spec.goal, *spec.initial) if item.path is not None]
         return cls(
-            key=hashlib.sha256(everything.encode()).hexdigest()[:_KEY],
-            kind=kind,
             labels={name: label(value) for name, value in differing.items()},
-            settings=cls.settings_of(spec),
+            depends_on={**chosen, **goal_facts(spec, hash_of), **{name: hash_of(path) for name, path in files.items()}},
+            kind=kind,
+            spec=spec,
             plan=plan,
-            program=program,
-            cost=_cost(spec, kind),
+            program=identify_here() if program is None else program,
+            files={str(path): hash_of(path) for path in (*pictures, *files.values())},
         )
 
-    @staticmethod
-    def settings_of(spec: RunSpec) -> dict[str, Any]:
-        """Returns a spec as plain values from which RunSpec makes the same spec."""
-        chosen = spec.record()
-        settings = {name: chosen[name] for name in sorted(spec.model_fields_set) if name in chosen}
-        return settings | {part: [item.model_dump() for item in getattr(spec, part)] for part in ("goal", "initial")}
 
-    @property
-    def spec(self) -> RunSpec:
-        """RunSpec of the run."""
-        return RunSpec.of(**self.settings)
+def goal_facts(spec: RunSpec, hash_of: Callable[[Path], str]) -> dict[str, list[list[Value]]]:
+    """Returns a goal and what it begins with, each part as its kind, its content (words, or a hash) and its weight."""
+    return {
+        part: [
+            [item.kind, item.value if item.path is None else hash_of(item.path), item.weight]
+            for item in getattr(spec, part)
+        ]
+        for part in ("goal", "initial")
+    }
 
-    @property
-    def pictures(self) -> tuple[str, ...]:
-        """Files of its goal's pictures."""
-        kinds = goal_kinds()
-        return tuple(
-            item["value"]
-            for part in ("goal", "initial")
-            for item in self.settings[part]
-            if GoalItem(**item).path is not None and item["kind"] in kinds.by_name
-        )
 
-    def with_pictures(self, copies: Mapping[str, str]) -> "SweepRun":
-        """Returns the run with copies of its pictures, which are given by path."""
-        settings = dict(self.settings)
-        for part in ("goal", "initial"):
-            settings[part] = [{**item, "value": copies.get(item["value"], item["value"])} for item in settings[part]]
-        return SweepRun(**{**self.__dict__, "settings": settings})
+def run_spec(fields: Fields) -> RunSpec:
+    """Returns the run with these fields; fields named after a goal kind are added to its goal. Raises ConfigError."""
+    kinds = goal_kinds().by_name
+    for part in ("goal", "initial"):
+        given = fields.get(part, [])
+        if not isinstance(given, list | tuple) or any(isinstance(one, str | int | float) for one in given):
+            raise ConfigError(
+                f'{part} was given {str(given)[:40]!r}; it is a list of tables, as [{{ image = "a.jpg" }}].'
+            )
+    goal = [*fields.get("goal", []), *({name: fields[name]} for name in kinds if name in fields)]
+    rest = {name: value for name, value in fields.items() if name not in kinds and name not in ("goal", PLAN)}
+    return RunSpec.of(**rest, goal=goal)
+
+
+def expand_runs(spec: SweepSpec, hashes: FileHashes, program: str | None = None) -> tuple[SweepRun, ...]:
+    """Returns the runs in order, each once. Raises ConfigError, which names the first few faults.
+
+    program: what did the runs of an existing sweep. None: what is here
+    """
+    program = identify_here() if program is None else program
+    told = {}
+    for name in spec.axes:  # values with the same label, such as files of one name in two folders, are told in full
+        values = [*spec.grid.get(name, []), *(run[name] for run in spec.runs if name in run)]
+        labels = {repr(value): label(value) for value in values}
+        told[name] = labels if len(set(labels.values())) == len(labels) else {repr(one): str(one) for one in values}
+    runs, faults = dict[str, SweepRun](), dict[str, None]()
+    for differing, fields in spec.fields():
+        try:
+            run = SweepRun.of(spec.kind, differing, fields, hashes.of, program)
+        except FridaError as error:
+            faults[str(error)] = None
+            if len(faults) == _MAX_FAULTS:
+                break
+            continue
+        named = {name: told[name][repr(value)] for name, value in differing.items()}
+        runs.setdefault(run.key, replace(run, labels=named))
+    if faults:
+        raise ConfigError(" ".join(faults))
+    return tuple(runs.values())
 
 
 def label(value: Any) -> Value:
@@ -302,16 +298,3 @@ def label(value: Any) -> Value:
     if isinstance(value, str) and "/" in value and Path(value).suffix:
         return Path(value).name
     return value if isinstance(value, str | int | float | bool) or value is None else str(value)
-
-
-def _identity(item: GoalItem, hash_of: ContentHash) -> list[Value]:
-    """Returns a goal as its kind, its content (words, or the hash of a file) and its weight."""
-    return [item.kind, item.value if item.path is None else hash_of(item.path), item.weight]
-
-
-def _cost(spec: RunSpec, kind: str) -> float:
-    """Returns the relative duration of a run: planning grows with strokes and effort, painting with strokes."""
-    replans = 0.15 * spec.replans if kind == "painting" else 0.0
-    planning = (1 + replans) * (60 + spec.strokes) * spec.effort * (spec.render_height / 256) ** 1.3
-    painting = 0.4 * spec.strokes + 10
-    return {"plan": planning, "painting": planning + painting, "evaluation": painting}[kind] + 4

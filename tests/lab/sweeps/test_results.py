@@ -16,12 +16,13 @@ import frida_painter as fp
 from frida_painter import images
 from frida_painter.errors import PlanError, TryFailed
 from frida_painter.runs.settle import ground_of
+from frida_painter_lab import experiment as carrier
 from frida_painter_lab import targets
+from frida_painter_lab.experiment import Share, silent
 from frida_painter_lab.sweeps import runner
 from frida_painter_lab.sweeps.report import (
     Mean,
     Result,
-    SweepProgress,
     SweepState,
     flat,
     holm,
@@ -45,11 +46,11 @@ def test_the_report_shows_pictures_curves_tests_and_failures(tmp_path: Path, mon
         images.save(torch.full((3, 30, 40), spec.seed / 8), folder.path / "plan.png")
         return {"plan dB": 20 + spec.strokes / 20 + spec.seed + 3 * (spec.brushes == "fine")}
 
-    def fail(assignment: runner.Assignment) -> None:
-        if dict(assignment.run.labels) == {"strokes": 4, "brush": "broad", "seed": 3}:
+    def fail(share: Share) -> None:
+        if dict(share.runs[0].labels) == {"strokes": 4, "brush": "broad", "seed": 3}:
             raise TryFailed("It <exploded>.")
 
-    monkeypatch.setattr(runner, "Engine", lambda limits, slots: Here(fail))
+    monkeypatch.setattr(carrier, "Engine", lambda limits, slots: Here(fail))
     monkeypatch.setattr(runner, "_figures", figures)
     grid = {"strokes": [4, 8], "brush": ["broad", "fine"], "seed": [0, 1, 2, 3]}
     made = sweep({"title": "A & B", "settings": {"text": "a lemon", "colors": 2}, "grid": grid}, tmp_path / "sweep")
@@ -94,7 +95,7 @@ def test_a_row_holds_settings_figures_times_and_versions_and_columns_may_mix_kin
 
 
 def test_without_pyarrow_there_is_no_table_and_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    nothing = SweepState(tmp_path, SweepSpec.of(), (), {}, {}, SweepProgress(0, 0, 0, None, 1))
+    nothing = SweepState(tmp_path, SweepSpec.of(), (), {}, {}, 1)
     monkeypatch.setattr("frida_painter.registry.is_installed", lambda package: False)
     assert 'the extra "table"' in keep_table(nothing)[0] and list(tmp_path.iterdir()) == []
 
@@ -167,8 +168,8 @@ def spec(tmp_path: Path, in_small_world: None) -> fp.RunSpec:
 
 
 def test_the_plan_of_the_best_seed_is_chosen_on_its_ground(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:
-    monkeypatch.setattr(runner, "Engine", lambda limits, slots: Here())
-    best = best_candidate(spec, 2, tmp_path / "candidates", notify=lambda progress: None)
+    monkeypatch.setattr(carrier, "Engine", lambda limits, slots: Here())
+    best = best_candidate(spec, 2, tmp_path / "candidates", silent)
     expected = {}
     for seed in (7, 8):
         with fp.PaintingRun(spec.with_values(seed=seed)) as run:
@@ -190,9 +191,9 @@ def test_words_are_judged_by_what_they_say_and_no_plan_is_told(tmp_path: Path, s
     assert rank_plans(spec, [right, near]) == ("expected dB", [near, right])
     assert rank_plans(spec, [near, {"figures": {"loss of the plan": 0.4}}])[0] == "loss of the plan"
 
-    def fail(assignment: object) -> None:
+    def fail(share: object) -> None:
         raise TryFailed("It exploded.")
 
-    monkeypatch.setattr(runner, "Engine", lambda limits, slots: Here(fail))
+    monkeypatch.setattr(carrier, "Engine", lambda limits, slots: Here(fail))
     with pytest.raises(PlanError, match="None of the 2 seeds made a plan: It exploded"):
-        best_candidate(spec, 2, tmp_path / "candidates", notify=lambda progress: None)
+        best_candidate(spec, 2, tmp_path / "candidates", silent)

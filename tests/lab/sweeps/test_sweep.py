@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,16 @@ from frida_painter import storage
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError, StorageError, SweepBusy, TryFailed, WorkerUnfit
 from frida_painter.plan import Plan
+from frida_painter.runs.painting_folder import content_hash
 from frida_painter.storage import PART
+from frida_painter_lab import experiment as carrier
 from frida_painter_lab import targets
+from frida_painter_lab.experiment import Progress, Share
+from frida_painter_lab.runs import RunFolder
 from frida_painter_lab.sweeps import runner
-from frida_painter_lab.sweeps.report import SweepProgress, read_state
-from frida_painter_lab.sweeps.runner import Assignment, perform
-from frida_painter_lab.sweeps.sweep_folder import RunFolder, SweepFolder
+from frida_painter_lab.sweeps.report import read_state
+from frida_painter_lab.sweeps.runner import perform
+from frida_painter_lab.sweeps.sweep_folder import SweepFolder
 from frida_painter_lab.sweeps.sweep_spec import SweepRun
 from plugins import install
 from sweep_engine import Here
@@ -41,7 +46,7 @@ def photo(tmp_path: Path) -> Path:
 def engine(monkeypatch: pytest.MonkeyPatch) -> Here:
     """The engine of all sweeps of a test, which does not plan: what a run gives is made up from its seed."""
     made = Here()
-    monkeypatch.setattr(runner, "Engine", lambda limits, slots: made)
+    monkeypatch.setattr(carrier, "Engine", lambda limits, slots: made)
     monkeypatch.setattr(runner, "_figures", lambda kind, opened, plan, folder: {"plan dB": 20.0 + opened.spec.seed})
     return made
 
@@ -50,12 +55,12 @@ def asked(photo: Path, seeds: int = 3, **more: Any) -> dict[str, Any]:
     return {"settings": {**SMALL, "image": str(photo)}, "grid": {"seed": list(range(seeds))}, **more}
 
 
-def at_seed(number: int, act: Callable[[Assignment], object]) -> Callable[[Assignment], None]:
+def at_seed(number: int, act: Callable[[Share], object]) -> Callable[[Share], None]:
     """Does something before the run with that seed."""
 
-    def between(assignment: Assignment) -> None:
-        if assignment.run.labels["seed"] == number:
-            act(assignment)
+    def between(share: Share) -> None:
+        if share.runs[0].labels["seed"] == number:
+            act(share)
 
     return between
 
@@ -72,13 +77,17 @@ def nothing(task: object) -> None:
 
 
 def test_every_run_is_done_and_none_again(tmp_path: Path, photo: Path, engine: Here) -> None:
-    heard: list[SweepProgress] = []
+    heard: list[Progress] = []
     outcome = fp.sweep(asked(photo), tmp_path / "sweep", notify=heard.append)
     assert [record["figures"]["plan dB"] for record in outcome.records.values()] == [20.0, 21.0, 22.0]
-    assert [(one.done, one.failed, one.total) for one in heard] == [(done, 0, 3) for done in range(4)]
-    assert heard[0].seconds_left is None and heard[1].seconds_left > 0 and heard[3].seconds_left == 0
+    assert [one.doing.partition(",")[0] for one in heard] == [f"{done} of 3 runs done" for done in range(4)]
+    assert [one.share for one in heard] == pytest.approx([0, 1 / 3, 2 / 3, 1]) and outcome.seconds_left == 0
+    half = replace(outcome, records=dict([*outcome.records.items()][:1]))
+    wall = next(iter(outcome.records.values()))["times"]["wall_seconds"]
+    times = [replace(half, slots=slots).seconds_left for slots in (1, 2)]
+    assert times == pytest.approx([2 * wall, wall])
     again = fp.sweep(asked(photo, 5), tmp_path / "sweep")
-    assert len(engine.asked) == len({task.run.key for task in engine.asked}) == 5
+    assert len(engine.asked) == len({task.runs[0].key for task in engine.asked}) == 5
     assert again.done_before == 3 and len(again.records) == 5
     other = fp.sweep({"settings": {**SMALL, "seed": 1}, "grid": {"image": [str(photo)]}}, tmp_path / "sweep")
     assert len(engine.asked) == 5, "it was done for the first sweep"
@@ -116,15 +125,13 @@ def test_results_of_another_machine_are_taken_over(tmp_path: Path, photo: Path, 
     assert fp.sweep(asked(photo, 4), tmp_path / "here").done_before == 4 and len(engine.asked) == 4
 
 
-def test_damaged_results_and_copies_are_made_again_and_a_spoiled_folder_stops_no_other(
+def test_damaged_results_are_made_again_and_a_spoiled_folder_stops_no_other(
     tmp_path: Path, photo: Path, engine: Here
 ) -> None:
     made = fp.sweep(asked(photo), tmp_path / "s")
     first, second, third = (RunFolder(made.folder, run.key).path for run in made.runs)
     (first / "result.json").write_text((first / "result.json").read_text()[:-20])
-    (copy,) = (tmp_path / "s" / "inputs").iterdir()
-    copy.write_bytes(copy.read_bytes()[:100])
-    assert fp.sweep(asked(photo), tmp_path / "s").done_before == 2 and copy.read_bytes() == photo.read_bytes()
+    assert fp.sweep(asked(photo), tmp_path / "s").done_before == 2
     shutil.rmtree(first)
     first.write_text("hi")
     (third / "result.json").write_text((second / "result.json").read_text())
@@ -133,25 +140,15 @@ def test_damaged_results_and_copies_are_made_again_and_a_spoiled_folder_stops_no
     assert json.loads((third / "result.json").read_text())["key"] == third.name
 
 
-def test_photographs_may_vanish_and_one_that_changes_meanwhile_is_noticed(
-    tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    copy = storage.copy
-
-    def late(source: Path, *rest: Any) -> None:
-        Image.new("RGB", (120, 90), "red").save(source)
-        copy(source, *rest)
-
-    monkeypatch.setattr(storage, "copy", late)
-    with pytest.raises(ConfigError, match=r"coffee\.png has changed while the sweep began; call it once more"):
-        fp.sweep(asked(photo), tmp_path / "s")
-    monkeypatch.setattr(storage, "copy", copy)
-    engine.between = lambda assignment: photo.unlink(missing_ok=True)
-    assert len(fp.sweep(asked(photo), tmp_path / "s").records) == 3
-    outcome = fp.sweep(asked(photo, 4), tmp_path / "s")
-    assert len(outcome.records) == 4 and outcome.remarks[0].startswith("coffee.png vanished; the copy")
+def test_a_photograph_that_changes_or_vanishes_meanwhile_is_not_painted(tmp_path: Path, photo: Path, engine: Here):
+    engine.between = at_seed(1, lambda share: Image.new("RGB", (120, 90), "red").save(photo))
+    made = fp.sweep(asked(photo), tmp_path / "s")
+    assert len(made.records) == 1 and len(made.failures) == 2
+    assert all("coffee.png has changed since the sweep began" in why["error"] for why in made.failures.values())
+    photo.unlink()
+    assert len(read_state(tmp_path / "s").records) == 1
     with pytest.raises(ConfigError, match=r"coffee\.png does not exist"):
-        fp.sweep(asked(photo), tmp_path / "another")
+        fp.sweep(asked(photo), tmp_path / "s")
 
 
 def test_files_are_found_from_anywhere_and_those_of_one_name_are_told_apart(
@@ -169,7 +166,7 @@ def test_files_are_found_from_anywhere_and_those_of_one_name_are_told_apart(
         Image.open(photo).rotate(90 * len(names)).save(tmp_path / folder / "me.png")
         names.append(str(tmp_path / folder / "me.png"))
     made = fp.sweep({"settings": SMALL, "grid": {"image": names, "seed": [0]}}, tmp_path / "s")
-    assert [run.labels["image"] for run in made.runs] == ["a/me.png", "b/me.png"]
+    assert [run.labels["image"] for run in made.runs] == names
     words = fp.sweep({"settings": SMALL, "grid": {"text": ["a red/green apple", "a pear"]}}, tmp_path / "w")
     assert [run.labels["text"] for run in words.runs] == ["a red/green apple", "a pear"]
 
@@ -181,7 +178,7 @@ def test_a_title_does_not_lead_out_of_the_folder_of_sweeps(title: str) -> None:
 
 
 def test_two_drivers_do_not_share_a_folder_and_others_are_left_alone(tmp_path: Path, photo: Path, engine: Here):
-    def second(assignment: Assignment) -> None:
+    def second(share: Share) -> None:
         with pytest.raises(SweepBusy):
             fp.sweep(asked(photo), tmp_path / "sweep")
         assert read_state(tmp_path / "sweep").working
@@ -199,7 +196,7 @@ def test_two_drivers_do_not_share_a_folder_and_others_are_left_alone(tmp_path: P
 def test_a_full_disk_ends_the_sweep_and_loses_nothing(
     tmp_path: Path, photo: Path, engine: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(assignment: Assignment) -> None:
+    def full(share: Share) -> None:
         monkeypatch.setattr(storage.shutil, "disk_usage", lambda path: type("Usage", (), {"free": 1000}))
         raise StorageError("No space left on device.")
 
@@ -208,12 +205,12 @@ def test_a_full_disk_ends_the_sweep_and_loses_nothing(
         fp.sweep(asked(photo), tmp_path / "sweep")
     monkeypatch.undo()
     state = read_state(tmp_path / "sweep")
-    assert state.progress.done == 1 and state.failures == {}
+    assert len(state.records) == 1 and state.failures == {}
 
 
 def test_another_version_ends_the_sweep(tmp_path: Path, photo: Path, engine: Here):
-    def with_another_version(assignment: Assignment) -> None:
-        perform(Assignment(SweepRun(**{**assignment.run.__dict__, "program": "0.0.1"}), assignment.sweep))
+    def with_another_version(share: Share) -> None:
+        perform(Share((replace(share.runs[0], program="0.0.1"),), share.keep))
 
     engine.between = with_another_version
     with pytest.raises(WorkerUnfit, match=r"and the sweep was begun with 0\.0\.1"):
@@ -245,9 +242,9 @@ def test_a_run_plans_paints_and_evaluates(tmp_path: Path, photo: Path, in_small_
     (tmp_path / "sweep").mkdir()
 
     def done(kind: str, **more: Any) -> tuple[dict[str, Any], Path]:
-        run = SweepRun.of(kind, {}, {**SMALL, "image": str(photo), "replans": 1, **more}, hash_of=lambda path: "same")
-        record = perform(Assignment(run, str(tmp_path / "sweep")))
-        assert perform(Assignment(run, str(tmp_path / "sweep"))) == json.loads(json.dumps(record))
+        run = SweepRun.of(kind, {}, {**SMALL, "image": str(photo), "replans": 1, **more}, hash_of=content_hash)
+        record = perform(Share((run,), str(tmp_path / "sweep")))
+        assert perform(Share((run,), str(tmp_path / "sweep"))) == json.loads(json.dumps(record))
         return record, RunFolder(tmp_path / "sweep", run.key).path
 
     planned, folder = done("plan", ground="#c8a878")
@@ -276,7 +273,7 @@ def test_the_command_line_does_a_sweep_in_processes(tmp_path: Path, photo: Path)
     assert said.returncode == 0, said.stderr
     assert said.stdout.startswith("2 runs of 2 done; 2 in ")
     assert SweepFolder(tmp_path / "out").read_request()[0].title == "tiny"
-    assert read_state(tmp_path / "out").progress.done == 2
+    assert len(read_state(tmp_path / "out").records) == 2
 
 
 def test_a_changed_plug_in_makes_other_runs_and_the_old_ones_are_still_reported(
