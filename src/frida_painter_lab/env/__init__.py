@@ -24,11 +24,8 @@ if TYPE_CHECKING:
 STUDIO_STROKES, STUDIO_PLANS, RENDERER_STROKES = "studio/strokes-v1", "studio/plans-v1", "renderer/strokes-v1"
 IDS = (STUDIO_STROKES, STUDIO_PLANS, RENDERER_STROKES)
 """Names of the environments."""
-SETTINGS = ("canvas", "brush", "paints", "goal", "strokes", "minutes", "judge", "rows", "ground", "seed")
+SETTINGS = ("canvas", "brush", "paints", "goal", "strokes", "minutes", "judge", "rows", "ground", "seed", "render_mode")
 """Settings of all environments (task.py)."""
-MAX_ENVS = 4096
-"""Largest number of environments in one vector environment."""
-_BATCH = 10  # strokes of an action of STUDIO_PLANS, unless it is given
 _ROOM = "frida_painter_lab.env"
 
 
@@ -43,7 +40,7 @@ def register() -> None:
 
     kinds: dict[str, dict[str, Any]] = {
         STUDIO_STROKES: {"entry_point": f"{_ROOM}.studio_env:StudioEnv"},
-        STUDIO_PLANS: {"entry_point": f"{_ROOM}.studio_env:StudioEnv", "kwargs": {"batch": _BATCH}},
+        STUDIO_PLANS: {"entry_point": f"{_ROOM}.studio_env:StudioEnv", "kwargs": {"batch": 10}},
         RENDERER_STROKES: {
             "entry_point": f"{_ROOM}.renderer_env:RendererEnv",
             "vector_entry_point": f"{_ROOM}.renderer_env:RendererVectorEnv",
@@ -79,13 +76,14 @@ def make_env(name: str, *, num_envs: int | None = None, **settings: Any) -> "gym
     register()
     if name not in IDS:
         raise ConfigError(f"There is no environment {str(name)[:60]!r}; take {', '.join(IDS)}.")
-    known = {*SETTINGS, "render_mode", *(["batch"] if name == STUDIO_PLANS else [])}
+    known = {*SETTINGS, *(["batch"] if name == STUDIO_PLANS else [])}
     if unknown := sorted(settings.keys() - known):
         raise ConfigError(f"{name} has no setting {unknown[0][:40]!r}; it has {', '.join(sorted(known))}.")
     if num_envs is None:
         return gymnasium.make(name, **settings)
-    if not (type(num_envs) is int and 1 <= num_envs <= MAX_ENVS):
-        raise ConfigError(f"{num_envs!r} environments were asked for; give a whole number from 1 to {MAX_ENVS}.")
+    from frida_painter_lab.env.task import require_whole
+
+    require_whole("num_envs", num_envs, 1, 4096)
     return gymnasium.make_vec(name, num_envs, **settings)
 
 

@@ -5,8 +5,8 @@ A policy is called with an observation and returns the action. `play` paints epi
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from functools import reduce
 
 import gymnasium
 import numpy as np
@@ -23,9 +23,8 @@ from frida_painter.runs.goals import make_goal
 from frida_painter.strokes import Strokes
 from frida_painter_lab.env.actions import NUMBERS
 from frida_painter_lab.env.renderer_env import CanvasStack
-from frida_painter_lab.env.task import PaintingTask
+from frida_painter_lab.env.task import Observation, PaintingTask
 
-Observation = dict[str, Any]
 Action = NDArray[np.float32]
 Policy = Callable[[Observation], Action]
 
@@ -54,14 +53,7 @@ class GreedyPolicy:
 
     def __init__(self, task: PaintingTask, candidates: int = 64, seed: int = 0) -> None:
         self._task, self._random = task, np.random.default_rng(seed)
-        black = PaintingTask.of(  # coverage is what white strokes leave on black canvases
-            task.size,
-            brush=task.brush.name,
-            paints=["#ffffff"],
-            goal=task.goals[0],
-            rows=task.grid.rows,
-            ground="#000000",
-        )
+        black = replace(task, ground=(0.0, 0.0, 0.0))  # coverage is what white strokes leave on black canvases
         self._stack, self._white = CanvasStack(black, candidates), torch.ones(task.paints, 3)
         self._all = np.arange(candidates)
 
@@ -100,18 +92,16 @@ class PlannerPolicy:
         self, task: PaintingTask, *, every: int = 10, effort: float = 0.5, batch: int | None = None, seed: int = 0
     ) -> None:
         self._task, self._every, self._effort, self._batch, self._seed = task, every, effort, batch, seed
-        self._plan: Plan | None = None
-        self._left = 0
+        self._left = -1
 
     def __call__(self, observation: Observation) -> Action:
         """Returns the next stroke or batch of the plan."""
         left = round(float(observation["strokes_left"][0]))
         seen = images.from_uint8(observation["canvas"])
-        if self._plan is None or left != self._left:
+        if left != self._left:
             self._begin(observation, seen, left)
         elif len(self._painted) >= self._every:
             self._look(seen)
-        assert self._plan is not None
         count = 1 if self._batch is None else self._batch
         next_strokes = self._plan.part(slice(0, count))
         self._painted += [next_strokes]
@@ -132,11 +122,7 @@ class PlannerPolicy:
 
     def _look(self, seen: torch.Tensor) -> None:
         """Learns from the strokes since the last look, and replans the rest."""
-        assert self._plan is not None
-        first, *others = self._painted
-        batch = first
-        for each in others:
-            batch = batch.followed_by(each)
+        batch = reduce(Plan.followed_by, self._painted)
         self._placement = self._planner.locate(batch, self._placement, self._before, seen)
         self._plan = self._planner.replan(self._plan, seen)
         self._before, self._painted = seen, []

@@ -24,10 +24,15 @@ from frida_painter.errors import ConfigError, StepRefused
 from frida_painter.render.painting import composite, marks_of
 from frida_painter.strokes import Strokes
 from frida_painter_lab.env.actions import require_action
-from frida_painter_lab.env.rewards import open_judge
-from frida_painter_lab.env.task import PaintingTask, beside, choose_goal, goal_of, require_render_mode, require_seed
-
-Observation = dict[str, Any]
+from frida_painter_lab.env.task import (
+    Observation,
+    PaintingTask,
+    beside,
+    open_judge,
+    require_render_mode,
+    require_seed,
+    require_whole,
+)
 
 
 class CanvasStack:
@@ -57,9 +62,8 @@ class CanvasStack:
             return
         with torch.no_grad():
             marks = marks_of(strokes, self._model, self._task.grid)
-            down = torch.from_numpy(which)[:, None] * self._pitch
             affine = marks.affine.clone()
-            affine[:, :, 2] -= affine[:, :, 1] * down
+            affine[:, :, 2] -= affine[:, :, 1] * torch.from_numpy(which)[:, None] * self._pitch
             self._picture = composite(marks.magnitude, affine, strokes.color, self._picture)
 
     @property
@@ -87,28 +91,23 @@ class RendererVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]
     def __init__(
         self, num_envs: int = 1, *, render_mode: str | None = None, seed: int | None = None, **settings: Any
     ) -> None:
-        if not (type(num_envs) is int and num_envs >= 1):
-            raise ConfigError(f"{num_envs!r} environments were asked for; give a whole number of at least 1.")
+        require_whole("num_envs", num_envs, 1, 4096)
         require_render_mode(render_mode)
-        self.task = PaintingTask.of(**settings)
+        self.task = task = PaintingTask.of(**settings)
         self.num_envs, self.render_mode = num_envs, render_mode
-        self.single_action_space, self.single_observation_space = (
-            self.task.action_space(),
-            self.task.observation_space(),
-        )
+        self.single_action_space, self.single_observation_space = task.action_space(), task.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._judge = open_judge(self.task.judge)
+        self._judge = open_judge(task.judge)
         self._first_seed = require_seed(seed)
-        self._stack = CanvasStack(self.task, num_envs)
+        self._stack = CanvasStack(task, num_envs)
         self._random: list[np.random.Generator] = []
-        size = num_envs
-        self._goal = np.zeros((size, *self.task.goals.shape[1:]), np.uint8)
+        self._goal = np.zeros((num_envs, *task.goals.shape[1:]), np.uint8)
         # In the order of the stack's picture, so that both are read along their rows
-        self._wanted = torch.zeros(3, size, *self._goal.shape[1:3]).transpose(0, 1)
-        self._palette = torch.zeros(size, self.task.paints, 3)
-        self._held, self._left = np.zeros(size, np.int64), np.zeros(size)
-        self._done, self._score = np.zeros(size, np.int64), np.zeros(size)
+        self._wanted = torch.zeros(3, num_envs, *self._goal.shape[1:3]).transpose(0, 1)
+        self._palette = torch.zeros(num_envs, task.paints, 3)
+        self._held, self._left = np.zeros(num_envs, np.int64), np.zeros(num_envs)
+        self._done, self._score = np.zeros(num_envs, np.int64), np.zeros(num_envs)
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: Mapping[str, Any] | None = None
@@ -119,9 +118,8 @@ class RendererVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]
         options: {"goal": picture} for all environments until the next reset, or none
         Raises ConfigError and ImageError for wrong options.
         """
-        goal = goal_of(options)
+        episodes = self.task.for_reset(options)
         seed = self._first_seed if seed is None else seed
-        self._first_seed = None
         if isinstance(seed, Sequence):
             if len(seed) != self.num_envs:
                 raise ConfigError(f"{len(seed)} seeds were given; give {self.num_envs}, or a single one.")
@@ -129,12 +127,11 @@ class RendererVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]
         else:
             first = require_seed(seed)
             seeds = [None if first is None else first + number for number in range(self.num_envs)]
-        known: Sequence[np.random.Generator | None] = self._random or [None] * self.num_envs
+        self._first_seed, self._episodes = None, episodes
         self._random = [
-            before if before is not None and each is None else gymnasium.utils.seeding.np_random(each)[0]
-            for before, each in zip(known, seeds, strict=True)
+            self._random[number] if self._random and each is None else gymnasium.utils.seeding.np_random(each)[0]
+            for number, each in enumerate(seeds)
         ]
-        self._episodes = self.task if goal is None else self.task.with_goal(goal)
         self._begin(np.ones(self.num_envs, np.bool_))
         return self._observe(), self._info()
 
@@ -164,14 +161,12 @@ class RendererVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]
         """Returns goal and canvas beside each other for each environment; None without a render mode."""
         if self.render_mode is None:
             return None
-        if not self._random:
-            raise StepRefused("No episode has begun; call reset before render.")
         return tuple(beside(goal, canvas) for goal, canvas in zip(self._goal, self._bytes(), strict=True))
 
     def _begin(self, which: NDArray[np.bool_]) -> None:
         """Begins an episode in some environments. which [n]: True for those"""
         for number in np.flatnonzero(which):
-            goal = choose_goal(self._random[number], len(self._episodes.goals))
+            goal = int(self._random[number].integers(len(self._episodes.goals)))
             self._goal[number], self._palette[number] = self._episodes.goals[goal], self._episodes.palettes[goal]
             self._wanted[number] = images.from_uint8(self._goal[number])
         self._stack.clear(which)
@@ -226,7 +221,7 @@ class RendererEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self.task, self.render_mode = self._one.task, render_mode
         self.action_space, self.observation_space = self._one.single_action_space, self._one.single_observation_space
         self._first_seed = require_seed(seed)
-        self._begun = self._over = False
+        self._over = False
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -237,7 +232,7 @@ class RendererEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self._first_seed = None
         own = int(self.np_random.integers(2**31)) if seed is None else seed
         observed, info = self._one.reset(seed=own, options=options)
-        self._begun, self._over = True, False
+        self._over = False
         return _first(observed), _first(info)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -245,8 +240,6 @@ class RendererEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         Raises StepRefused for an action outside the space, after the end, and before a reset.
         """
-        if not self._begun:
-            raise StepRefused("No episode has begun; call reset before step.")
         if self._over:
             raise StepRefused(f"The episode is over after {self.task.strokes} strokes; call reset.")
         given = require_action(action, self.action_space.shape or ())

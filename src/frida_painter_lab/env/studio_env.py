@@ -24,10 +24,15 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter_lab.env.actions import require_action
-from frida_painter_lab.env.rewards import open_judge
-from frida_painter_lab.env.task import PaintingTask, beside, choose_goal, goal_of, require_render_mode, require_seed
+from frida_painter_lab.env.task import (
+    Observation,
+    PaintingTask,
+    beside,
+    open_judge,
+    require_render_mode,
+    require_seed,
+)
 
-Observation = dict[str, Any]
 _RENDER_ROWS = 480
 _MAX_SEED = 2**31
 
@@ -53,11 +58,9 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     ) -> None:
         require_render_mode(render_mode)
         self.task = PaintingTask.of(**settings)
-        if batch is not None and not (type(batch) is int and 1 <= batch <= self.task.strokes):
-            raise ConfigError(f"A batch of {batch!r} strokes was given; give from 1 to {self.task.strokes}.")
-        if batch is not None and self.task.strokes % batch:
+        if batch is not None and not (type(batch) is int and batch >= 1 and self.task.strokes % batch == 0):
             raise ConfigError(
-                f"{self.task.strokes} strokes are no whole number of batches of {batch}; give a multiple of {batch}."
+                f"A batch of {batch!r} strokes was given; give a whole number that divides {self.task.strokes} strokes."
             )
         self.render_mode = render_mode
         space = self.task.action_space(batch)
@@ -76,11 +79,10 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         options: {"goal": picture} or none.
         Raises ConfigError and ImageError for wrong options.
         """
-        goal = goal_of(options)
+        task = self.task.for_reset(options)
         super().reset(seed=require_seed(self._first_seed if seed is None else seed))
         self._first_seed = None
-        task = self.task if goal is None else self.task.with_goal(goal)
-        number = choose_goal(self.np_random, len(task.goals))
+        number = int(self.np_random.integers(len(task.goals)))
         self.close()
         self._episode = _Episode(task, number, int(self.np_random.integers(_MAX_SEED)))
         self._score = self._measure(self._episode)
@@ -91,9 +93,7 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 
         Raises StepRefused before anything moves: for an action outside the space, after the end, and before a reset.
         """
-        episode = self._episode
-        if episode is None:
-            raise StepRefused("No episode has begun; call reset before step.")
+        episode = self._begun()
         if episode.is_over:
             raise StepRefused(
                 f"The episode is over after {episode.done} strokes and {episode.minutes:.1f} minutes; call reset."
@@ -107,10 +107,9 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         """Returns the goal and the true canvas beside each other, 480 pixels high; None without a render mode."""
         if self.render_mode is None:
             return None
-        if self._episode is None:
-            raise StepRefused("No episode has begun; call reset before render.")
-        canvas = images.to_uint8(self._episode.studio.truth(_RENDER_ROWS))
-        goal = images.fit(images.from_uint8(self._episode.goal), *canvas.shape[:2])
+        episode = self._begun()
+        canvas = images.to_uint8(episode.studio.truth(_RENDER_ROWS))
+        goal = images.fit(images.from_uint8(episode.goal), *canvas.shape[:2])
         return beside(images.to_uint8(goal), canvas)
 
     def close(self) -> None:
@@ -122,9 +121,12 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     @property
     def studio(self) -> VirtualStudio:
         """Studio of this episode, for films and measurements; not for the one who learns. Raises StepRefused."""
+        return self._begun().studio
+
+    def _begun(self) -> "_Episode":
         if self._episode is None:
             raise StepRefused("No episode has begun; call reset first.")
-        return self._episode.studio
+        return self._episode
 
     def _measure(self, episode: "_Episode") -> float:
         canvas = episode.studio.truth(self.task.grid.rows)
@@ -175,14 +177,9 @@ class _Episode:
         task, code = self._task, self._task.code
         strokes, paint = code.decode(action, self._palette.color)
         plan = Plan.of(
-            strokes,
-            self._palette,
-            paint,
-            brush=task.brush.name,
-            limits=code.limits,
-            canvas=task.size,
+            strokes, self._palette, paint, brush=task.brush.name, limits=code.limits, canvas=task.size,
             ground=task.ground,
-        )
+        )  # fmt: skip
         for each in self._hand.prepare(plan, self.done, task.strokes):
             self._hand.perform(each)
         self.done += len(plan)
@@ -191,11 +188,8 @@ class _Episode:
     def _look(self) -> Observation:
         """Returns what is observed now, with the arm out of the camera's view."""
         self._hand.step_aside()
-        seen, task, load = (
-            self._observer.look(self._hand.last_motion, self._task.grid.rows),
-            self._task,
-            self._hand.load,
-        )
+        task, load = self._task, self._hand.load
+        seen = self._observer.look(self._hand.last_motion, task.grid.rows)
         holds = task.brush.for_any_order.dip.holds
         return {
             "canvas": images.to_uint8(images.fit(seen, task.grid.rows, task.grid.columns)),

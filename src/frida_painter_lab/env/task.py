@@ -1,6 +1,6 @@
-"""Task of an environment: goals, paints, brush and budgets, and its spaces of actions and observations."""
+"""Task of an environment: goals, paints, brush and budgets, its judge, and its spaces of actions and observations."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -19,16 +19,47 @@ from frida_painter.frames import PixelGrid
 from frida_painter.palette import MAX_COLORS, Palette, from_hex
 from frida_painter_lab import targets
 from frida_painter_lab.env.actions import NUMBERS, StrokeCode
-from frida_painter_lab.env.rewards import JUDGES, SSIM_WINDOW
 
+Observation = dict[str, Any]
 Picture = str | Path | Tensor | NDArray[Any]
 """Picture: a file, sRGB [3, H, W] in [0, 1], or bytes [H, W, 3]."""
 Paints = int | Palette | Sequence[str | Sequence[float]]
 """Paints: how many are mixed for each goal, or their colours."""
-_MAX_STROKES, _MAX_MINUTES = 100_000, 100_000.0
-_MIN_ROWS, _MAX_ROWS = 16, 1024
+Judge = Callable[[Tensor, Tensor], NDArray[np.float64]]
+"""Returns a number [n], more for a better one, for true canvases and their goals, sRGB [n, 3, rows, columns] each."""
+JUDGES = ("psnr", "ssim", "perceptual")
+"""Names of the judges; the gain of the judge is the reward of a step."""
+_SSIM_WINDOW = 11  # pixels
+_MIN_ERROR = 1e-8
 _MIN_SIDE = 8  # pixels of a goal
 _PAINT_SEED = 0
+
+
+def open_judge(name: str) -> Judge:
+    """Returns a judge by its name.
+
+    "psnr" is in dB, "ssim" in [-1, 1], "perceptual" minus the distance of features of a network, which must be fetched.
+    Raises WeightsError if the network is missing.
+    """
+    if name == "psnr":
+
+        def judge_errors(canvas: Tensor, goal: Tensor) -> NDArray[np.float64]:
+            error = (canvas - goal).square_().mean((1, 2, 3)).double().numpy()
+            return np.asarray(-10 * np.log10(np.maximum(error, _MIN_ERROR)), np.float64)
+
+        return judge_errors
+    from frida_painter.objectives.encoders.loading import EncoderRegistry  # loaded here because few callers need it
+    from frida_painter_lab.measures import perceptual_distance, ssim
+
+    network = EncoderRegistry().style() if name == "perceptual" else None
+
+    def judge_each(canvas: Tensor, goal: Tensor) -> NDArray[np.float64]:
+        pairs = zip(canvas.contiguous(), goal.contiguous(), strict=True)
+        if network is None:
+            return np.array([ssim(*pair) for pair in pairs], np.float64)
+        return np.array([-perceptual_distance(network, *pair) for pair in pairs], np.float64)
+
+    return judge_each
 
 
 @dataclass(frozen=True)
@@ -77,24 +108,29 @@ class PaintingTask:
         goal: picture, or several of which each episode has one. None: some photographs of the project
         strokes: most strokes of an episode
         minutes: most minutes that the robot takes in an episode
-        judge: psnr, ssim or perceptual (judges.py)
+        judge: psnr, ssim or perceptual
         rows: height of the observed pictures in pixels
         ground: colour of the bare canvas
         """
         size = CanvasSize.of(canvas)
-        _require_whole("strokes", strokes, 1, _MAX_STROKES)
-        _require_whole("rows", rows, _MIN_ROWS, _MAX_ROWS)
-        if not (isinstance(minutes, int | float) and 0 < minutes <= _MAX_MINUTES):
-            raise ConfigError(f"{minutes!r} minutes were given; give a number above 0, at most {_MAX_MINUTES:g}.")
+        require_whole("strokes", strokes, 1, 100_000)
+        require_whole("rows", rows, 16, 1024)
+        if not (isinstance(minutes, int | float) and 0 < minutes <= 100_000):
+            raise ConfigError(f"{minutes!r} minutes were given; give a number above 0, at most 100000.")
         if judge not in JUDGES:
             raise ConfigError(f"The judge {str(judge)[:40]!r} was given; take {', '.join(JUDGES)}.")
         grid = PixelGrid.of_height(size, rows)
-        if judge == "ssim" and not min(grid.rows, grid.columns) >= SSIM_WINDOW:
+        if judge == "ssim" and not min(grid.rows, grid.columns) >= _SSIM_WINDOW:
             raise ConfigError(
-                f"The judge ssim compares windows of {SSIM_WINDOW} x {SSIM_WINDOW} pixels, and the observed pictures "
+                f"The judge ssim compares windows of {_SSIM_WINDOW} x {_SSIM_WINDOW} pixels, and the observed pictures "
                 f"are {grid.columns} x {grid.rows}; give more rows, or take another judge."
             )
-        goals = [_fit(one, grid) for one in _each(goal)]
+        if goal is None:
+            goal = [Path(targets.__file__).with_name(f"{name}.jpg") for name in targets.SHIPPED]
+        single = isinstance(goal, str | Path | Tensor | np.ndarray)
+        goals = [_fit(one, grid) for one in ([goal] if single else goal)]
+        if not goals:
+            raise ConfigError("No goal was given; give a picture, or leave it out for photographs of the project.")
         palettes = torch.stack([_palette(paints, images.from_uint8(one)) for one in goals])
         red, green, blue = _color(ground).tolist()
         return cls(
@@ -114,8 +150,7 @@ class PaintingTask:
 
     def action_space(self, batch: int | None = None) -> spaces.Box:
         """Returns the space of a stroke, [7], or of a batch of strokes, [batch, 7]."""
-        shape = (NUMBERS,) if batch is None else (batch, NUMBERS)
-        return spaces.Box(-1.0, 1.0, shape, np.float32)
+        return spaces.Box(-1.0, 1.0, (NUMBERS,) if batch is None else (batch, NUMBERS), np.float32)
 
     def observation_space(self) -> spaces.Dict:
         """Returns the space of observations.
@@ -140,25 +175,19 @@ class PaintingTask:
             }
         )
 
-    def with_goal(self, picture: Picture) -> "PaintingTask":
-        """Returns the task with this goal alone, and as many paints. Raises ImageError and ConfigError."""
+    def for_reset(self, options: Mapping[str, Any] | None) -> "PaintingTask":
+        """Returns the task of an episode: with the goal of a reset's options alone, if they have one.
+
+        Raises ConfigError for other options, and ImageError.
+        """
+        given = dict(options or {})
+        picture: Picture | None = given.pop("goal", None)
+        if given:
+            raise ConfigError(f"A reset was given the option {str(next(iter(given)))[:40]!r}; its only option is goal.")
+        if picture is None:
+            return self
         goal = _fit(picture, self.grid)
-        palette = _palette(self.mixed, images.from_uint8(goal))
-        return replace(self, goals=goal[None], palettes=palette[None])
-
-
-def goal_of(options: Mapping[str, Any] | None) -> Picture | None:
-    """Returns the goal among the options of a reset, None if there is none. Raises ConfigError for other options."""
-    given = dict(options or {})
-    goal: Picture | None = given.pop("goal", None)
-    if given:
-        raise ConfigError(f"A reset was given the option {str(next(iter(given)))[:40]!r}; its only option is goal.")
-    return goal
-
-
-def choose_goal(random: np.random.Generator, count: int) -> int:
-    """Returns the number of an episode's goal."""
-    return int(random.integers(count))
+        return replace(self, goals=goal[None], palettes=_palette(self.mixed, images.from_uint8(goal))[None])
 
 
 def require_render_mode(mode: str | None) -> None:
@@ -169,32 +198,20 @@ def require_render_mode(mode: str | None) -> None:
 
 def beside(goal: NDArray[np.uint8], canvas: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Returns the goal and the canvas beside each other, [rows, 2 columns + 4, 3]."""
-    gap = np.full((len(goal), 4, 3), 255, np.uint8)
-    return np.concatenate((goal, gap, canvas), 1)
+    return np.concatenate((goal, np.full((len(goal), 4, 3), 255, np.uint8), canvas), 1)
 
 
 def require_seed(seed: int | None) -> int | None:
     """Returns the seed of an environment. Raises ConfigError if it is no whole number of at least 0."""
     if seed is not None:
-        _require_whole("the seed", seed, 0, 2**63 - 1)
+        require_whole("the seed", seed, 0, 2**63 - 1)
     return seed
 
 
-def _require_whole(what: str, value: object, least: int, most: int) -> None:
+def require_whole(what: str, value: object, least: int, most: int) -> None:
+    """Raises ConfigError unless a value is a whole number within limits."""
     if not (isinstance(value, int | np.integer) and not isinstance(value, bool) and least <= value <= most):
         raise ConfigError(f"{str(value)[:40]!r} was given for {what}; it is a whole number from {least} to {most}.")
-
-
-def _each(goal: Picture | Sequence[Picture] | None) -> Sequence[Picture]:
-    """Returns the pictures of a goal. Raises ConfigError if there is none."""
-    if goal is None:
-        return [Path(targets.__file__).with_name(f"{name}.jpg") for name in targets.SHIPPED]
-    if isinstance(goal, str | Path | Tensor | np.ndarray):
-        return [goal]
-    pictures = list(goal)
-    if not pictures:
-        raise ConfigError("No goal was given; give a picture, or leave it out for photographs of the project.")
-    return pictures
 
 
 def _fit(picture: Picture, grid: PixelGrid) -> NDArray[np.uint8]:
@@ -223,7 +240,7 @@ def _palette(paints: Paints, goal: Tensor) -> Tensor:
     if isinstance(paints, Palette):
         return paints.color.float()
     if isinstance(paints, int | np.integer):
-        _require_whole("paints", paints, 1, MAX_COLORS)
+        require_whole("paints", paints, 1, MAX_COLORS)
         pixels = goal.flatten(1).T
         return Palette.cluster(pixels, torch.ones(len(pixels)), int(paints), _PAINT_SEED).color.float()
     if isinstance(paints, str) or not len(paints):
