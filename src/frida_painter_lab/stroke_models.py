@@ -1,8 +1,8 @@
 """Experiments about stroke models: what each has learned from a stroke library, on strokes that are held out.
 
 `stroke-model` compares them stroke by stroke (paper, Fig. "real versus modelled strokes", there on 50 samples).
-`strokes-needed` asks how many strokes a model needs (paper, Fig. "param2stroke error"). `real-strokes` is the
-project's main table: several splits of one library, every model, and fewer strokes.
+`strokes-needed` asks how many strokes a model needs (paper, Fig. "param2stroke error"), on several splits of one
+library, and compares all models on all of them.
 """
 
 import hashlib
@@ -29,8 +29,8 @@ from frida_painter_calibration.procedures.strokes import StrokesProgress, stroke
 from frida_painter_calibration.teaching import evaluation as training
 from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Results, ResultTable, Row
-from frida_painter_lab.runs import Labels, Run, Value
-from frida_painter_lab.sweeps.report import FieldEffect, Result, paired_tests
+from frida_painter_lab.runs import Run, Value
+from frida_painter_lab.sweeps.report import Result, paired_tests
 
 ZEROS, MEAN, BEZIER = "all zeros", "mean stroke", "fitted Bezier"
 LEARNED = (DEFAULT_MODEL, *(name for name in MODELS if name != DEFAULT_MODEL))
@@ -93,52 +93,23 @@ def fingerprint(library: StrokeLibrary) -> str:
     return content.hexdigest()
 
 
-def virtual_library(brush: str, count: int, seed: int, notify: Notify) -> StrokeLibrary:
-    """Paints a library of `count` strokes of a brush of the project. Raises ConfigError if there is no such brush."""
-
-    def hear(progress: StrokesProgress) -> None:
-        notify(Progress(progress.done / progress.of, "painting a stroke library"))
-
-    painting = strokes(open_virtual_easel(brush, seed), brush_kind(brush), count=count, seed=seed, notify=hear)
-    return lead(painting, lambda question: question.proposal or False).library
-
-
-@dataclass(frozen=True)
-class Amounts:
-    """Amounts of strokes in an experiment.
-
-    strokes: of a library that is painted for it
-    held_out: strokes that no model learns from
-    sizes: numbers of strokes for training and validation
-    """
-
-    strokes: int
-    held_out: int
-    sizes: tuple[int, ...] = ()
-
-
 @dataclass(frozen=True, kw_only=True)
 class LibraryExperiment(Experiment):
     """Experiment whose runs each learn one model from some strokes of a library, and test it on held-out ones.
 
-    FULL, QUICK: amounts of strokes
+    FULL, QUICK: number of strokes of a library that is painted for it, and of those that are held out
+    FEWEST: strokes that a library must have besides those that are held out
 
     library: file, library, or None for one that is painted in the virtual studio
     title: name of the library
-    amounts: in place of FULL or QUICK
     """
 
-    FULL: ClassVar[Amounts]
-    QUICK: ClassVar[Amounts]
+    FULL: ClassVar[tuple[int, int]]
+    QUICK: ClassVar[tuple[int, int]]
+    FEWEST: ClassVar[int]
 
     library: Path | StrokeLibrary | None = None
     title: str = ""
-    amounts: Amounts | None = None
-
-    @property
-    def asked(self) -> Amounts:
-        """Amounts of strokes."""
-        return self.amounts or (self.QUICK if self.quick else self.FULL)
 
     @property
     def heading(self) -> str:
@@ -151,38 +122,42 @@ class LibraryExperiment(Experiment):
         assert isinstance(self.library, StrokeLibrary), "prepare comes first"
         return self.library
 
+    @property
+    def held_out(self) -> int:
+        """Number of strokes that no model learns from."""
+        return (self.QUICK if self.quick else self.FULL)[1]
+
     def prepare(self, notify: Notify) -> Self:
         """Returns the experiment with its library, loaded or painted. Raises LibraryError if it is too small."""
+        ready = self
         if isinstance(self.library, Path):
             ready = replace(self, library=StrokeLibrary.load(self.library), title=self.library.stem)
         elif self.library is None:
-            painted = virtual_library(self.brush, self.asked.strokes, getattr(self, "seed", 0), notify)
+
+            def hear(progress: StrokesProgress) -> None:
+                notify(Progress(progress.done / progress.of, "painting a stroke library"))
+
+            count, _ = self.QUICK if self.quick else self.FULL
+            seed = getattr(self, "seed", 0)
+            easel, kind = open_virtual_easel(self.brush, seed), brush_kind(self.brush)
+            painting = strokes(easel, kind, count=count, seed=seed, notify=hear)
+            painted = lead(painting, lambda question: question.proposal or False).library
             ready = replace(self, library=painted, title=f"virtual {self.brush} brush")
-        else:
-            ready = self
-        ready.require_strokes()
-        return ready
-
-    def require_strokes(self) -> None:
-        """Raises LibraryError if the library is too small."""
-        self.require(self.asked.held_out + FEWEST_STROKES)
-
-    def require(self, fewest: int) -> None:
-        """Raises LibraryError if the library has fewer strokes than that."""
-        if len(self.known) < fewest:
+        if len(ready.known) < ready.held_out + self.FEWEST:
             raise LibraryError(
-                f"The stroke library has {len(self.known)} strokes, some of which are held out for the test; give one "
-                f"of at least {fewest}."
+                f"The stroke library has {len(ready.known)} strokes, some of which are held out for the test; give one "
+                f"of at least {ready.held_out + self.FEWEST}."
             )
+        return ready
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
         """Returns the library, and the amounts of strokes."""
-        return {"library": self.title, "strokes": len(self.known), "held out": self.asked.held_out}
+        return {"library": self.title, "strokes": len(self.known), "held out": self.held_out}
 
     @cached_property
     def content(self) -> Mapping[str, object]:
         """Content of the library, and the amounts, as a run depends on them."""
-        return {"library": fingerprint(self.known), "amounts": repr(self.asked), "quick": self.quick}
+        return {"library": fingerprint(self.known), "held out": self.held_out, "quick": self.quick}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,23 +166,22 @@ class StrokeModels(LibraryExperiment):
 
     NAME = "stroke-model"
     TITLE = "Real and modelled strokes"
-    FULL = Amounts(200, 50)
-    QUICK = Amounts(16, 6)
-    FEWEST: ClassVar[int] = 12
-    MAX_SHARE: ClassVar[float] = 0.4
+    FULL = 200, 50
+    QUICK = 16, 6
+    FEWEST = 6
 
     seed: int = 0
 
-    def require_strokes(self) -> None:
-        """Raises LibraryError if the library is too small."""
-        self.require(self.FEWEST)
+    @property
+    def held_out(self) -> int:
+        """Number of strokes that no model learns from: of a small library at most two fifths."""
+        return min(super().held_out, int(0.4 * len(self.known)))
 
     @cached_property
     def split(self) -> tuple[StrokeLibrary, StrokeLibrary]:
         """Strokes to learn from, and held-out ones."""
         order = np.random.default_rng(self.seed).permutation(len(self.known))
-        held_out = min(self.asked.held_out, int(self.MAX_SHARE * len(self.known)))
-        return self.known[order[held_out:]], self.known[order[:held_out]]
+        return self.known[order[self.held_out :]], self.known[order[: self.held_out]]
 
     def runs(self) -> Sequence[Run]:
         """Returns a run for each model."""
@@ -223,13 +197,19 @@ class StrokeModels(LibraryExperiment):
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
         """Returns the library and the split."""
-        return {**super().settings(), "held out": len(self.split[1]), "seed": self.seed}
+        return {**super().settings(), "seed": self.seed}
 
     def tables(self, results: Results) -> Sequence[ResultTable]:
         """Returns the errors of each model, and paired tests against the Bezier, corrected by Holm's method."""
-        tests = {test.first: test for test in _test_against_bezier(results)}
+        error = _errors_by_model(results)
+        found = [
+            Result({"model": model, "stroke": number}, one)
+            for model, its in error.items()
+            for number, one in enumerate(its.tolist())
+        ]
+        tests = {test.first: test for test in paired_tests(found, ["model"]) if test.second == BEZIER}
         rows: list[Row] = []
-        for model, its in _errors_by_model(results).items():
+        for model, its in error.items():
             test = tests.get(model)
             rows.append({
                 "model": model,
@@ -241,7 +221,7 @@ class StrokeModels(LibraryExperiment):
                 "p, paired t-test": test.t if test else None,
                 "p, Wilcoxon": test.wilcoxon if test else None,
             })  # fmt: skip
-        return [ResultTable(f"Mean absolute error on {len(self.split[1])} strokes held out", rows)]
+        return [ResultTable(f"Mean absolute error on {self.held_out} strokes held out", rows)]
 
     def pictures(self, results: Results) -> Mapping[str, Tensor]:
         """Returns a sheet of strokes from the default model's best to its worst, evenly spaced."""
@@ -262,50 +242,47 @@ def _errors_by_model(results: Results) -> dict[str, NDArray[np.float64]]:
     return {str(labels["model"]): np.array(list(one.numbers.values())) for labels, one in results.found}
 
 
-def _test_against_bezier(results: Results) -> list[FieldEffect]:
-    """Returns the change from each learned model to the fitted Bezier, stroke by stroke, with Holm's correction."""
-    found = [
-        Result({"model": model, "stroke": number}, error)
-        for model, its in _errors_by_model(results).items()
-        for number, error in enumerate(its.tolist())
-    ]
-    return [test for test in paired_tests(found, ["model"]) if test.second == BEZIER]
-
-
 def as_ink(magnitude: Tensor) -> Tensor:
     """Returns a magnitude map [rows, columns] as dark paint on white paper [3, rows, columns]."""
     return (1 - 0.96 * magnitude.clamp(0, 1)).expand(3, -1, -1)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SplitExperiment(LibraryExperiment):
-    """Experiment whose runs each learn from some strokes of a split of the library, and are tested on the others."""
+class StrokesNeeded(LibraryExperiment):
+    """Experiment `strokes-needed`: every model from few and many strokes, on several seeded splits of a library.
 
-    @property
-    def splits(self) -> Sequence[int]:
-        """Seeds of the splits."""
-        raise NotImplementedError
+    SIZES: numbers of strokes for training and validation, besides all that are not held out
+    """
+
+    NAME = "strokes-needed"
+    TITLE = "Error against the number of strokes"
+    FULL = 200, 42
+    QUICK = 16, 4
+    FEWEST = FEWEST_STROKES + 1
+    SIZES: ClassVar[tuple[int, ...]] = (6, 10, 25, 50, 100, 150)
+
+    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
 
     @property
     def rest(self) -> int:
         """Number of strokes that are not held out."""
-        return len(self.known) - self.asked.held_out
-
-    @property
-    def sizes(self) -> tuple[int, ...]:
-        """Numbers of strokes for training and validation that the library allows."""
-        return tuple(size for size in self.asked.sizes if FEWEST_STROKES <= size < self.rest)
+        return len(self.known) - self.held_out
 
     def cases(self) -> Sequence[tuple[str, int]]:
-        """Returns each model with a number of strokes."""
-        return [(model, size) for model in (*LEARNED, BEZIER) for size in self.sizes]
+        """Returns each model with a number of strokes: all rivals with all that are not held out, and some with fewer.
+
+        A quick run has the first size alone.
+        """
+        sizes = [size for size in self.SIZES[: 1 if self.quick else None] if FEWEST_STROKES <= size < self.rest]
+        fewer = [(model, size) for model in (*LEARNED, BEZIER) for size in sizes]
+        return [*((rival, self.rest) for rival in RIVALS), *fewer]
 
     def runs(self) -> Sequence[Run]:
         """Returns a run for each model, number of strokes and split."""
         return [
             Run({"model": model, "strokes": size, "split": split}, self.content)
             for model, size in self.cases()
-            for split in self.splits
+            for split in self.seeds
         ]
 
     def measure(self, run: Run, notify: Notify) -> Measurement:
@@ -329,95 +306,36 @@ class SplitExperiment(LibraryExperiment):
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
         """Returns the library, the splits and the numbers of strokes."""
-        return {**super().settings(), "seeds": list(self.splits), "sizes": self.sizes}
-
-
-@dataclass(frozen=True, kw_only=True)
-class StrokesNeeded(SplitExperiment):
-    """Experiment `strokes-needed`: every model from few and many strokes, trained several times on other ones."""
-
-    NAME = "strokes-needed"
-    TITLE = "Error against the number of strokes"
-    FULL = Amounts(200, 42, (10, 25, 50, 100, 150))
-    QUICK = Amounts(16, 4, (6, 10))
-
-    seed: int = 0
-
-    @property
-    def splits(self) -> Sequence[int]:
-        """Seeds of the splits."""
-        return range(self.seed, self.seed + (2 if self.quick else 5))
-
-    def require_strokes(self) -> None:
-        """Raises LibraryError if the library is too small for two of the sizes."""
-        self.require(self.asked.held_out + sorted(self.asked.sizes)[1] + 1)
-
-    def tables(self, results: Results) -> Sequence[ResultTable]:
-        """Returns the errors of each model by the number of strokes."""
-        rows: list[Row] = []
-        for model, size in self.cases():
-            error = results.values("error", model=model, strokes=size)
-            log = np.log(error)
-            rows.append({
-                "model": model, "strokes": size, "error": float(np.exp(log.mean())), "log error": float(log.mean()),
-                "log error, standard deviation": float(log.std(ddof=1)), "best": min(error), "worst": max(error),
-            })  # fmt: skip
-        return [ResultTable(f"Mean absolute error on {self.asked.held_out} strokes held out", rows)]
-
-    def _rows(self, results: Results) -> dict[str, list[Row]]:
-        rows = self.tables(results)[0].rows
-        return {model: [row for row in rows if row["model"] == model] for model in (*LEARNED, BEZIER)}
-
-    def pictures(self, results: Results) -> Mapping[str, Tensor]:
-        """Returns the chart of all models."""
-        lines = []
-        for model, mine in self._rows(results).items():
-            center = np.array([float(row["log error"] or 0) for row in mine])
-            spread = np.array([float(row["log error, standard deviation"] or 0) for row in mine])
-            low, mean, high = (np.exp(center + sign * spread).tolist() for sign in (-1, 0, 1))
-            lines.append(Series(model, [float(row["strokes"] or 0) for row in mine], mean, low, high, band=False))
-        told = "mean absolute error on strokes held out (logarithmic); bars: one standard deviation of the trainings"
-        title = f"Strokes needed: {self.title}"
-        return {self.NAME: chart(title, "strokes for training and validation", told, lines, logarithmic=True)}
-
-
-@dataclass(frozen=True, kw_only=True)
-class RealStrokes(SplitExperiment):
-    """Experiment `real-strokes`: every model on several seeded splits of a library, and from fewer strokes."""
-
-    NAME = "real-strokes"
-    TITLE = "Errors on strokes held out"
-    FULL = Amounts(200, 42, (10, 25, 50, 100, 150))
-    QUICK = Amounts(16, 4, (6,))
-
-    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
-
-    @property
-    def splits(self) -> Sequence[int]:
-        """Seeds of the splits."""
-        return self.seeds
-
-    def cases(self) -> Sequence[tuple[str, int]]:
-        """Returns each model with a number of strokes; all rivals with all that are not held out."""
-        return [*((rival, self.rest) for rival in RIVALS), *super().cases()]
-
-    def _row(self, results: Results, model: str, size: int) -> Row:
-        error = results.values("error", model=model, strokes=size)
-        mean = float(np.mean(error))
-        return {"model": model, "strokes": size, "error": mean, "least": min(error), "most": max(error)}
+        return {**super().settings(), "seeds": self.seeds}
 
     def tables(self, results: Results) -> Sequence[ResultTable]:
         """Returns the errors of all models, the likelihood of the default one, and the errors from fewer strokes."""
-        varies = []
-        for split in self.splits:
-            of: Labels = {"model": DEFAULT_MODEL, "strokes": self.rest, "split": split}
-            predicted, constant = (results.mean(name, **of) for name in ("log likelihood", "with one variance"))
-            varies.append({"split": split, "mean and variance": predicted, "one variance": constant})
-        title = f"Mean absolute error, {len(self.splits)} splits of {self.rest} + {self.asked.held_out} strokes"
-        rows = [self._row(results, *case) for case in self.cases()]
-        whole, fewer = rows[: len(RIVALS)], rows[len(RIVALS) :]
+        rows: list[Row] = []
+        for model, size in self.cases():
+            error = results.values("error", model=model, strokes=size)
+            mean = float(np.mean(error))
+            rows.append({"model": model, "strokes": size, "error": mean, "least": min(error), "most": max(error)})
+        varies: list[Row] = []
+        for split in self.seeds:
+            one = results.one(model=DEFAULT_MODEL, strokes=self.rest, split=split).numbers
+            varies.append({
+                "split": split, "mean and variance": one["log likelihood"], "one variance": one["with one variance"],
+            })  # fmt: skip
+        title = f"Mean absolute error, {len(self.seeds)} splits of {self.rest} + {self.held_out} strokes"
         return [
-            ResultTable(title, whole),
+            ResultTable(title, rows[: len(RIVALS)]),
             ResultTable(f"Log likelihood per cell of strokes held out, by the {DEFAULT_MODEL}", varies),
-            *([ResultTable("The same from fewer strokes", fewer)] if fewer else []),
+            ResultTable("The same from fewer strokes", rows[len(RIVALS) :]),
         ]
+
+    def pictures(self, results: Results) -> Mapping[str, Tensor]:
+        """Returns the chart of all models that learn."""
+        lines = []
+        for model in (*LEARNED, BEZIER):
+            sizes = sorted(size for name, size in self.cases() if name == model)
+            found = [results.values("error", model=model, strokes=size) for size in sizes]
+            mean, least, most = ([float(measure(its)) for its in found] for measure in (np.mean, min, max))
+            lines.append(Series(model, [float(size) for size in sizes], mean, least, most, band=False))
+        told = "mean absolute error on strokes held out (logarithmic); bars: all splits"
+        title = f"Strokes needed: {self.title}"
+        return {self.NAME: chart(title, "strokes for training and validation", told, lines, logarithmic=True)}

@@ -1,4 +1,4 @@
-"""stroke-model, strokes-needed and real-strokes: what is compared, on what, and what is said of it."""
+"""stroke-model and strokes-needed: what is compared, on what, and what is said of it."""
 
 import numpy as np
 import pytest
@@ -12,8 +12,6 @@ from frida_painter_lab.stroke_models import (
     MEAN,
     RIVALS,
     ZEROS,
-    Amounts,
-    RealStrokes,
     StrokeModels,
     StrokesNeeded,
     errors,
@@ -22,7 +20,7 @@ from frida_painter_lab.stroke_models import (
 )
 from marks import small_library
 
-KINDS = (StrokeModels, StrokesNeeded, RealStrokes)
+KINDS = (StrokeModels, StrokesNeeded)
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +60,7 @@ def test_no_model_learns_from_the_strokes_that_test_it(kind, strokes, learned):
     assert learned and all(not known & test for _, _, known, test in learned)
     assert {rival for rival, *_ in learned} >= {*LEARNED, BEZIER}
     assert outcome.title.endswith(": drawn") and outcome.settings["library"] == "drawn"
-    assert set(outcome.pictures) == (set() if kind is RealStrokes else {kind.NAME})
+    assert set(outcome.pictures) == {kind.NAME}
 
 
 def test_models_are_compared_stroke_by_stroke(strokes, learned):
@@ -74,20 +72,19 @@ def test_models_are_compared_stroke_by_stroke(strokes, learned):
     assert rows[-1]["p, Wilcoxon"] is None
 
 
-def test_the_numbers_of_strokes_are_those_asked_for(strokes, learned):
-    made(StrokesNeeded, strokes, amounts=Amounts(16, 10, (6, 12, 500))).run()
-    sizes = [(rival, size) for rival, size, *_ in learned]
-    assert sizes == [(model, size) for model in (*LEARNED, BEZIER) for size in (6, 12) for _ in range(2)]
+def test_the_numbers_of_strokes_are_those_that_the_library_has(strokes):
+    cases = StrokesNeeded(library=small_library(70), title="drawn").cases()
+    assert cases == [*((rival, 28) for rival in RIVALS), *((one, n) for one in (*LEARNED, BEZIER) for n in (6, 10, 25))]
 
 
 def test_every_rival_is_in_the_table_of_all_splits(strokes, learned, tmp_path):
-    first = made(RealStrokes, strokes, seeds=(0, 1)).run(tmp_path)
+    first = made(StrokesNeeded, strokes, seeds=(0, 1)).run(tmp_path)
     whole, varies, fewer = (table.rows for table in first.tables)
     assert [row["model"] for row in whole] == list(RIVALS) and [row["split"] for row in varies] == [0, 1]
     assert {row["strokes"] for row in whole} == {26} and {row["strokes"] for row in fewer} == {6}
     learned.clear()
-    assert made(RealStrokes, strokes, seeds=(0, 1)).run(tmp_path).tables == first.tables and learned == []
-    made(RealStrokes, strokes[:29], seeds=(0, 1)).run(tmp_path)
+    assert made(StrokesNeeded, strokes, seeds=(0, 1)).run(tmp_path).tables == first.tables and learned == []
+    made(StrokesNeeded, strokes[:29], seeds=(0, 1)).run(tmp_path)
     assert learned, "of another library everything is learned"
 
 
