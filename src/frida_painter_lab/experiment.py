@@ -66,15 +66,11 @@ class ResultTable:
     def markdown(self) -> str:
         """Returns the table in Markdown, numbers at the right and with four significant digits."""
         columns = tuple(self.rows[0]) if self.rows else ()
-        numeric = {name: all(_is_number(row[name]) for row in self.rows) for name in columns}
-        lines = [
-            _line(columns),
-            _line(["---:" if numeric[name] else "---" for name in columns]),
-            *(_line([format_value(row[name]) for name in columns]) for row in self.rows),
-            *([""] if self.notes else []),
-            *self.notes,
-        ]
-        return f"**{self.title}**\n\n" + "\n".join(lines) + "\n"
+        words = {name for name in columns if any(isinstance(row[name], str | bool) for row in self.rows)}
+        sides = ["---" if name in words else "---:" for name in columns]
+        cells = [columns, sides, *([format_value(row[name]) for name in columns] for row in self.rows)]
+        lines = [f"| {' | '.join(line)} |" for line in cells]
+        return "\n".join([f"**{self.title}**", "", *lines, *([""] if self.notes else []), *self.notes]) + "\n"
 
 
 @dataclass(frozen=True)
@@ -101,30 +97,38 @@ class Outcome:
         parts = [f"# {self.title}\n", *(f"{note}\n" for note in self.notes)]
         parts += [f"![{name.replace('-', ' ')}]({name}.png)\n" for name in self.pictures]
         parts += [table.markdown() for table in self.tables]
-        told = {name: ", ".join(map(format_value, _as_list(value))) for name, value in self.settings.items()}
+        told = {
+            name: ", ".join(map(format_value, value)) if isinstance(value, list | tuple) else value
+            for name, value in self.settings.items()
+        }
         return "\n".join([*parts, "Settings: " + "; ".join(f"{name} {value}" for name, value in told.items())]) + "\n"
 
-    def record(self) -> dict[str, Any]:
-        """Returns the outcome as plain values; numbers that are not finite become null."""
-        return {
+    def save(self, folder: Path) -> None:
+        """Writes table.json, table.md and the pictures to `folder`. Raises StorageError.
+
+        Numbers that are not finite become null in table.json.
+        """
+        for name, picture in self.pictures.items():
+            images.save(picture, folder / f"{name}.png")
+
+        def plain(value: Value) -> Value:
+            return None if isinstance(value, float) and not math.isfinite(value) else value
+
+        tables = [
+            {"title": table.title, "rows": [{name: plain(value) for name, value in row.items()} for row in table.rows]}
+            for table in self.tables
+        ]
+        record = {
             "format": "frida-painter experiment",
             "experiment": self.name,
             "title": self.title,
-            "settings": {name: value if _is_plain(value) else _as_list(value) for name, value in self.settings.items()},
+            "settings": dict(self.settings),
             "notes": list(self.notes),
-            "tables": [
-                {"title": table.title, "rows": [{name: _finite(row[name]) for name in row} for row in table.rows]}
-                for table in self.tables
-            ],
+            "tables": tables,
             "pictures": [f"{name}.png" for name in self.pictures],
         }
-
-    def save(self, folder: Path) -> None:
-        """Writes table.json, table.md and the pictures to `folder`. Raises StorageError."""
-        for name, picture in self.pictures.items():
-            images.save(picture, folder / f"{name}.png")
         storage.write_text(folder / "table.md", self.markdown())
-        storage.write_json(folder / "table.json", self.record())
+        storage.write_json(folder / "table.json", record)
 
 
 def format_value(value: Value) -> str:
@@ -134,26 +138,6 @@ def format_value(value: Value) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.4g}" if isinstance(value, float) else str(value).replace("|", r"\|")
-
-
-def _line(cells: Sequence[str]) -> str:
-    return "| " + " | ".join(cells) + " |"
-
-
-def _is_number(value: Value) -> bool:
-    return value is None or (isinstance(value, int | float) and not isinstance(value, bool))
-
-
-def _is_plain(value: Value | Sequence[Value]) -> bool:
-    return value is None or isinstance(value, str | int | float)
-
-
-def _as_list(value: Any) -> list[Value]:
-    return [value] if _is_plain(value) else list(value)
-
-
-def _finite(value: Value) -> Value:
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,6 @@ PRELOADED = [
     "frida_painter.render.scanline",
 ]
 """Imports of a run, including late ones. They are loaded once, and every process starts with them."""
-_MB = 2**20
 
 
 @dataclass(frozen=True)
@@ -70,7 +69,7 @@ def slots_here(limits: TaskLimits, most: int | None = None) -> int:
     most: upper limit; None for no limit
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // _MB
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2**20
     return max(1, min(cores // limits.threads, memory // limits.memory, most or cores))
 
 
@@ -103,11 +102,10 @@ class Engine:
     """
 
     def __init__(self, limits: TaskLimits, slots: int) -> None:
-        self._limits, self.slots = limits, slots
-        self._context = multiprocessing.get_context("forkserver")
-        self._context.set_forkserver_preload(PRELOADED)
-        self._stopping = threading.Event()
-        self._workers = [_Worker(self._context) for _ in range(slots)]
+        self._limits, self._stopping = limits, threading.Event()
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(PRELOADED)
+        self._workers = [_Worker(context) for _ in range(slots)]
 
     def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
         """Runs `work` on every task, and yields each when it ends. Closing the iterator stops the running tasks.
@@ -115,14 +113,14 @@ class Engine:
         A WorkerUnfit error ends its task without further tries, because they would fail too.
         """
         self._stopping.clear()
-        rest, waiting = iter(tasks), set[Future[Ended[Task]]]()
+        rest, waiting, slots = iter(tasks), set[Future[Ended[Task]]](), len(self._workers)
         free: SimpleQueue[_Worker] = SimpleQueue()
         for worker in self._workers:
             free.put(worker)
-        with ThreadPoolExecutor(self.slots) as threads:
+        with ThreadPoolExecutor(slots) as threads:
             try:
                 while True:
-                    for task in islice(rest, 2 * self.slots - len(waiting)):
+                    for task in islice(rest, 2 * slots - len(waiting)):
                         waiting.add(threads.submit(self._try_task, free, work, task))
                     if not waiting:
                         return
@@ -167,40 +165,31 @@ class _Worker:
 
     def call(self, work: Work, task: Any, limits: TaskLimits) -> Any:
         """Returns the value of one try. Raises TryFailed if the process died or hung, and the errors of the try."""
-        pool = self._open_pool()
+        pool = self._pool or self._start()
         try:
-            future = pool.submit(within_limits, work, task, limits)
-            error = future.exception(limits.seconds + _GRACE)
+            return pool.submit(within_limits, work, task, limits).result(limits.seconds + _GRACE)
+        except FridaError:
+            raise
         except (BrokenProcessPool, TimeoutError) as failure:
-            error = failure
-        if error is None:
-            return future.result()
-        if isinstance(error, FridaError):
-            raise error
-        self.kill()
-        self._pool = None
-        raise TryFailed(
-            "Its process was killed: by the system for want of memory, by a person, or because the try lasted longer "
-            f"than {limits.seconds:g} s (time_limit)."
-        ) from error
+            self.kill()
+            raise TryFailed(
+                "Its process was killed: by the system for want of memory, by a person, or because the try lasted "
+                f"longer than {limits.seconds:g} s (time_limit)."
+            ) from failure
 
-    def _open_pool(self) -> ProcessPoolExecutor:
+    def _start(self) -> ProcessPoolExecutor:
         failure: Exception | None = None
         for _ in range(_STARTS):  # a process that is killed while it loads is started again
-            if self._pool is not None:
-                return self._pool
             with python_process.isolate_children():
                 pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
             try:
                 with python_process.isolate_children():
                     starting = pool.submit(os.getpid)
-                self._pid = starting.result(_STARTING)
-                self._pool = pool
+                self._pid, self._pool = starting.result(_STARTING), pool
+                return pool
             except (BrokenProcessPool, TimeoutError, EOFError, OSError) as error:  # the fork server may die as well
                 failure = error
                 pool.shutdown(wait=False, cancel_futures=True)
-        if self._pool is not None:
-            return self._pool
         raise WorkerUnfit(
             "No process for the runs could be started; in a script of your own, call it below "
             '`if __name__ == "__main__":`, and see what was said above.'
@@ -208,20 +197,19 @@ class _Worker:
 
     def kill(self) -> None:
         """Kills the process at once."""
-        if self._pool is not None and self._pid:
+        if self._pool is not None:
             with suppress(ProcessLookupError):
                 os.kill(self._pid, signal.SIGKILL)
             self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool, self._pid = None, 0
+            self._pool = None
 
 
 def _end_with_parent() -> None:
     """Ignores Ctrl-C, which is for the parent process, and ends this process when the parent dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
 
     def follow() -> None:
-        if parent is not None:
+        if (parent := parent_process()) is not None:
             parent.join()
             os._exit(1)
 
