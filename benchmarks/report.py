@@ -35,7 +35,6 @@ PLACES = {
     "words": "whole:Words",
     "painting": "whole:Painting",
     "studio": "studio:StudioLoad",
-    "sweep": "sweeps:Sweeps",
     "gpu": "gpu:Gpu",
 }
 

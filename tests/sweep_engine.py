@@ -4,7 +4,7 @@ from collections.abc import Callable, Generator, Iterable
 from typing import Any
 
 from frida_painter.errors import FridaError
-from frida_painter_lab.sweeps.engine import Ended
+from frida_painter_lab.engine import Ended
 
 
 class Here:

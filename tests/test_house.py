@@ -85,7 +85,7 @@ OWN_FILES = {
 # have a library start Python, `isolate_children`.
 STARTING = {
     "python_process.py": {"sys.executable", "subprocess.Popen", "subprocess.run"},
-    "frida_painter_lab/sweeps/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor"},
+    "frida_painter_lab/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor"},
     "frida_painter_words/picture_makers/program.py": {"subprocess.Popen"},
     "video.py": {"subprocess.Popen", "subprocess.run"},
     "registry.py": {"sys.executable"},

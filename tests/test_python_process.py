@@ -23,7 +23,7 @@ POISON = "import posix\nposix.close(posix.open({!r}, posix.O_CREAT | posix.O_WRO
 OF_PYTHON = {*sys.stdlib_module_names, "sitecustomize", "usercustomize", "frida_painter"}
 PARTS = "[frida_painter.robots]\npoison = poison:KIND\n[frida_painter.mixers]\npoison = poison:KIND\n"
 ONE_TASK = """
-from frida_painter_lab.sweeps.engine import Engine, TaskLimits
+from frida_painter_lab.engine import Engine, TaskLimits
 if __name__ == "__main__":
     print(*(ended.value for ended in Engine(TaskLimits(), 1).run(len, ["abc"])))
 """

@@ -24,8 +24,14 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 import frida_painter as fp
-from frida_painter_lab.env.policies import GreedyPolicy, PlannerPolicy, RandomPolicy, play
-from frida_painter_lab.env.wrappers import VectorObservation, VectorObservations
+from frida_painter_lab.env.policies import (
+    GreedyPolicy,
+    PlannerPolicy,
+    RandomPolicy,
+    VectorObservation,
+    VectorObservations,
+    play,
+)
 from frida_painter_lab.targets import load_shipped_targets
 
 LEARNED_FROM, HELD_OUT = ("astronaut", "cat", "coffee", "retina"), "rocket"

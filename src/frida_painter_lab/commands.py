@@ -164,18 +164,18 @@ ROWS = (
     ),
     ExperimentRow(
         "sim2real", "Measure the sim2real gap of paintings for our planner and two planners like earlier work.",
-        "sim2real:Sim2Real", ("seeds", "photos"), "0,1,2", {"photos": "SHIPPED"},
+        "simulation_gap:Sim2Real", ("seeds", "photos"), "0,1,2", {"photos": "SHIPPED"},
     ),
     ExperimentRow(
         "ladder",
         "Find where a painting loses quality: looks, placement, and each imperfection of robot, paint and camera.",
-        "ladder:Ladder", ("seeds", "photos", "strokes"),
+        "simulation_gap:Ladder", ("seeds", "photos", "strokes"),
         shipped={"photos": ("rocket", "astronaut", "coffee", "cat")}, quick=1,
     ),
     ExperimentRow(
         "replanning",
         "Compare paintings with and without replanning: the distance to the first plan and to the target.",
-        "replanning:Replanning", ("seeds", "photo"), "0,1,2", {"photo": ("coffee",)},
+        "simulation_gap:Replanning", ("seeds", "photo"), "0,1,2", {"photo": ("coffee",)},
     ),
     ExperimentRow(
         "text", "Paint text prompts and score them by a network that planning does not use, against baselines.",

@@ -21,7 +21,7 @@ from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.strokes import StrokeLimits, Strokes
 from frida_painter.virtual.studio import open_studio
 from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Results, ResultTable, Row
-from frida_painter_lab.paintings import EXACT, connect_studio, execute
+from frida_painter_lab.paintings import EXACT, execute
 from frida_painter_lab.runs import Run, Value
 
 PARAMETERS = {"thickness": ("", 1.0), "length": (" mm", 1000.0), "bend": (" mm", 1000.0)}
@@ -62,7 +62,9 @@ class ContinuousStrokes(Experiment):
         plan = paper.plan(asked)
         seed = self.seed + list(PARAMETERS).index(run["swept"])
         studio = open_studio(plan.canvas, self.brush, seed=seed, placement_error=EXACT)
-        photograph = execute(plan, connect_studio(studio).easel, paper.grid.rows)
+        studio.easel.robot.connect()
+        studio.easel.camera.connect()
+        photograph = execute(plan, studio.easel, paper.grid.rows)
         with torch.no_grad():
             drawn = render(plan.strokes, model, torch.ones(photograph.shape), plan.canvas)
         across, down = paper.grid.pitch

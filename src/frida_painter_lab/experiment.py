@@ -19,8 +19,8 @@ from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.errors import StorageError, TryFailed, WorkerUnfit
+from frida_painter_lab.engine import Engine, TaskLimits, slots_here
 from frida_painter_lab.runs import Labels, Run, RunFolder, Value
-from frida_painter_lab.sweeps.engine import Engine, TaskLimits, slots_here
 
 Row = Mapping[str, Value]
 _LIMITS = TaskLimits(seconds=6 * 3600.0, threads=1, memory=1500, tries=2)
@@ -155,20 +155,20 @@ class Results:
 
     found: Sequence[tuple[Labels, Measurement]]
 
-    def having(self, **labels: str | int) -> list[Measurement]:
+    def having(self, **labels: Value) -> list[Measurement]:
         """Returns the measurements of the runs with these labels."""
         return [found for its, found in self.found if all(its[name] == value for name, value in labels.items())]
 
-    def one(self, **labels: str | int) -> Measurement:
+    def one(self, **labels: Value) -> Measurement:
         """Returns the measurement of the only run with these labels."""
         (found,) = self.having(**labels)
         return found
 
-    def values(self, number: str, **labels: str | int) -> list[float]:
+    def values(self, number: str, **labels: Value) -> list[float]:
         """Returns one of the numbers for all runs with these labels."""
         return [found.numbers[number] for found in self.having(**labels)]
 
-    def mean(self, number: str, **labels: str | int) -> float:
+    def mean(self, number: str, **labels: Value) -> float:
         """Returns the mean of `values`."""
         return float(np.mean(self.values(number, **labels)))
 

@@ -6,10 +6,9 @@ Instead of people, networks that no optimiser uses judge the photographed painti
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -22,11 +21,9 @@ from frida_painter.objectives.style import LAYERS as SEEN
 from frida_painter.objectives.style import cosine_cost, euclidean_cost
 from frida_painter.planning.initialize import uniform
 from frida_painter.render import render
-from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
-from frida_painter_lab.comparison import Comparison, PaintingWay, Scene, image
-from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row
+from frida_painter_lab.experiment import Notify, Results, ResultTable, Row
 from frida_painter_lab.measures import (
     direction_agreement,
     edge_correlation,
@@ -36,28 +33,23 @@ from frida_painter_lab.measures import (
     perceptual_distance,
     psnr,
 )
-from frida_painter_lab.paintings import Painted, PaintingExperiment, StudioRun
-from frida_painter_lab.runs import Value
+from frida_painter_lab.paintings import Comparison, Painted, PaintingWay, Scene
+from frida_painter_lab.runs import Labels, Value
 from frida_painter_lab.targets import Target
 
 SECONDS = "CPU s"
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgedExperiment(PaintingExperiment):
-    """Experiment whose paintings are judged by a network that no optimiser uses.
+class JudgedExperiment(Comparison):
+    """Experiment whose paintings are judged by a network that no optimiser uses, the one named JUDGE."""
 
-    judge_network: that network; None for the one named JUDGE
-    """
-
-    JUDGE = "efficientnet-lite1"
-
-    judge_network: EfficientNetLite | None = None
+    JUDGE: ClassVar[str] = "efficientnet-lite1"
 
     @cached_property
     def seer(self) -> EfficientNetLite:
         """Network that judges. Raises WeightsError if it was not fetched."""
-        return self.judge_network or EfficientNetLite(weights.tensors(self.JUDGE))
+        return EfficientNetLite(weights.tensors(self.JUDGE))
 
     def prepare(self, notify: Notify) -> "JudgedExperiment":
         """Returns the experiment, after a check for its network. Raises WeightsError."""
@@ -68,7 +60,7 @@ class JudgedExperiment(PaintingExperiment):
 # Words, judged by a classifier: the probability of each of its thousand classes in the middle square of a picture.
 
 PAINTED, PIXELS, BEGUN, RANDOM = "words", "pixels of the beginning", "the beginning itself", "random strokes"
-TEXT_WAYS = {PAINTED: "painted towards the words", PIXELS: PIXELS, BEGUN: BEGUN, RANDOM: RANDOM}
+TEXT_WAYS = (PAINTED, PIXELS, BEGUN, RANDOM)
 _SEEN = 260  # pixels of the judge's input square
 
 
@@ -104,23 +96,6 @@ PROMPTS = (
 )
 
 
-@torch.no_grad()
-def log_probabilities(judge: EfficientNetLite, picture: Tensor) -> list[float]:
-    """Returns the judge's log probability of each class, [1000], in the middle square of a picture [3, H, W]."""
-    found: list[float] = judge.logits(images.fit(picture, _SEEN, _SEEN)[None]).log_softmax(1)[0].tolist()
-    return found
-
-
-def logs_of(finding: Measurement, way: str) -> Tensor:
-    """Returns the judge's log probabilities of one way, [1000]."""
-    return torch.tensor([value for name, value in finding.numbers.items() if name.rpartition(" ")[0] == way])
-
-
-def rank_of(logs: Tensor, prompt: Prompt) -> int:
-    """Returns the rank of a prompt's likeliest class by log probabilities [1000]; 1 is the best."""
-    return int((logs > logs[list(prompt.classes)].max()).sum()) + 1
-
-
 @dataclass(frozen=True, kw_only=True)
 class TextExperiment(JudgedExperiment):
     """Experiment `text`: every prompt painted once per seed, with looks in between, and judged by a classifier.
@@ -136,6 +111,10 @@ class TextExperiment(JudgedExperiment):
     FULL = RunSpec.of(strokes=100, colors=12, replans=2)
     QUICK = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=1)
     JUDGE = "efficientnet-lite2"
+    LABELS = ("prompt",)
+    MEASURES: ClassVar[Mapping[str, bool | None]] = {f"rank, {way}": False for way in TEXT_WAYS}
+    WAYS = (PaintingWay(PAINTED, goal=({"text": "{0.words}"},)),)  # the floors are measured beside it
+    SHOWN = ("simulated", "painting")
 
     first: int = len(PROMPTS)
 
@@ -144,86 +123,64 @@ class TextExperiment(JudgedExperiment):
         """Prompts that are painted."""
         return PROMPTS[: min(self.first, 2) if self.quick else self.first]
 
-    def runs(self) -> Sequence[StudioRun]:
-        """Returns a painting for each seed and prompt."""
-        return [
-            StudioRun.of(
-                {"prompt": prompt.words, "seed": seed},
-                self.common.with_values(goal=[{"text": prompt.words}], seed=seed, fit="crop", film=False),
-            )
-            for seed in self.seeds
-            for prompt in self.prompts
-        ]
+    def scenes(self) -> Sequence[Scene]:
+        """Returns the prompts, each as its words on a blank card."""
+        return [(Target(prompt.words, Path(), torch.ones(3, 3, 4)),) for prompt in self.prompts]
 
-    def judge(self, run: StudioRun, painted: Painted) -> Measurement:
-        """Measures the judge's log probability of every class for the painting and its floors."""
-        pictures = {PAINTED: painted.photograph, **_paint_floors(painted)}
-        numbers = {
-            f"{way} {number}": value
-            for way, picture in pictures.items()
-            for number, value in enumerate(log_probabilities(self.seer, picture))
-        }
-        return Measurement(numbers, {"begun": pictures[BEGUN], "plan": painted.planned, "painting": painted.photograph})
+    @torch.no_grad()
+    def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
+        """Measures for the painting and its floors the rank of the prompt among all classes; 1 is the best.
+
+        And for each prompt the log probability of its classes.
+        """
+        numbers: dict[str, float] = {}
+        for way, shown in {PAINTED: picture, **_paint_floors(painted)}.items():
+            logs = self.seer.logits(images.fit(shown, _SEEN, _SEEN)[None]).log_softmax(1)[0]
+            for prompt in self.prompts:
+                its = logs[list(prompt.classes)]
+                numbers[f"{way}: {prompt.words}"] = float(its.logsumexp(0))
+                if prompt.words == scene[0].name:
+                    numbers[f"rank, {way}"] = int((logs > its.max()).sum()) + 1
+        return {name: numbers[name] for name in sorted(numbers, key=lambda name: name not in self.MEASURES)}
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
-        """Returns the settings, the prompts, and what reads them."""
+        """Returns the settings, and what reads the prompts."""
         by_clip = self.networks.reads_by_clip
-        reader = self.networks.reader().name if by_clip else "pictures by their captions"
-        return {**super().settings(), "prompts": [prompt.words for prompt in self.prompts], "seen through": reader}
+        return {**super().settings(), "seen through": self.networks.reader().name if by_clip else "their captions"}
 
     def tables(self, results: Results) -> Sequence[ResultTable]:
         """Returns the shares over all paintings, and the ranks of each."""
-        summary = [self._summary(results, way) for way in TEXT_WAYS]
-        rows = [self._row(results, prompt, seed) for seed in self.seeds for prompt in self.prompts]
-        return [ResultTable("Over all paintings", summary), ResultTable("Every painting", rows)]
+        summary: list[Row] = []
+        for way in TEXT_WAYS:
+            ranks = np.array(results.values(f"rank, {way}"))
+            summary.append({
+                "judged": way,
+                "within 5": float((ranks <= 5).mean()),
+                "within 50": float((ranks <= 50).mean()),
+                "median rank": float(np.median(ranks)),
+                "first among all": float(np.mean([self._first(results, labels, way) for labels, _ in results.found])),
+            })  # fmt: skip
+        every: list[Row] = [
+            {
+                "prompt": labels["prompt"],
+                "seed": labels["seed"],
+                "probability": float(np.exp(one.numbers[f"{PAINTED}: {labels['prompt']}"])),
+                "first among all": self._first(results, labels, PAINTED) == 1,
+                **{name: int(one.numbers[name]) for name in self.MEASURES},
+            }
+            for labels, one in results.found
+        ]
+        return [ResultTable("Over all paintings", summary), ResultTable("Every painting", every)]
 
-    def _rank(self, results: Results, prompt: Prompt, seed: int, way: str) -> int:
-        return rank_of(logs_of(results.one(prompt=prompt.words, seed=seed), way), prompt)
-
-    def _first(self, results: Results, prompt: Prompt, seed: int, way: str) -> float:
+    def _first(self, results: Results, labels: Labels, way: str) -> float:
         """Returns 1 if no other prompt's picture shows this prompt's classes with a higher probability, otherwise 0.
 
         Among n equally probable pictures, each gets 1/n.
         """
-        classes = list(prompt.classes)
-        logs = {
-            other.words: float(logs_of(results.one(prompt=other.words, seed=seed), way)[classes].logsumexp(0))
-            for other in self.prompts
-        }
-        best = [words for words, value in logs.items() if value == max(logs.values())]
-        return 1 / len(best) if prompt.words in best else 0.0
-
-    def _summary(self, results: Results, way: str) -> Row:
-        pairs = list(product(self.prompts, self.seeds))
-        ranks = np.array([self._rank(results, *pair, way) for pair in pairs])
-        return {
-            "judged": TEXT_WAYS[way],
-            "within 5": float((ranks <= 5).mean()),
-            "within 50": float((ranks <= 50).mean()),
-            "median rank": float(torch.tensor(ranks).float().median()),
-            "first among all": float(np.mean([self._first(results, *pair, way) for pair in pairs])),
-        }
-
-    def _row(self, results: Results, prompt: Prompt, seed: int) -> Row:
-        logs = logs_of(results.one(prompt=prompt.words, seed=seed), PAINTED)
-        return {
-            "prompt": prompt.words,
-            "seed": seed,
-            "rank": rank_of(logs, prompt),
-            "probability": float(logs[list(prompt.classes)].exp().sum()),
-            "first among all": self._first(results, prompt, seed, PAINTED) == 1,
-            **{f"rank, {way}": self._rank(results, prompt, seed, way) for way in list(TEXT_WAYS)[1:]},
-        }
-
-    def pictures(self, results: Results) -> Mapping[str, Tensor]:
-        """Returns the sheet of the first seed."""
-        lines = []
-        for prompt in self.prompts:
-            finding = results.one(prompt=prompt.words, seed=self.seeds[0])
-            label = f"“{prompt.words}”\nrank {rank_of(logs_of(finding, PAINTED), prompt)}"
-            lines.append(FigureRow(label, [Cell(picture) for picture in finding.pictures.values()]))
-        headings = ("begun with", "planned", "painted, photographed")
-        return {"paintings": page("Painted towards words", headings, lines, width=260)}
+        shows = f"{way}: {labels['prompt']}"
+        all_ = results.values(shows, seed=labels["seed"])
+        own = results.values(shows, seed=labels["seed"], prompt=labels["prompt"])[0]
+        return 1 / all_.count(own) if own == max(all_) else 0.0
 
 
 def _paint_floors(painted: Painted) -> dict[str, Tensor]:
@@ -253,13 +210,8 @@ _LIGHT = 0.25  # weight of the photograph if a painting begins with the style an
 assert not set(SEEN) & set(UNSEEN)
 
 
-def style(target: Target) -> Mapping[str, Any]:
-    """Returns the part of a goal that paints in the style of a picture."""
-    return {"style": str(target.path)}
-
-
 @dataclass(frozen=True, kw_only=True)
-class StyleExperiment(JudgedExperiment, Comparison):
+class StyleExperiment(JudgedExperiment):
     """Experiment `style`: every photograph painted unstyled, in every style, and begun with that style's picture.
 
     The distance in style is the Earth Mover's Distance between clouds of features that the optimiser did not use:
@@ -268,38 +220,25 @@ class StyleExperiment(JudgedExperiment, Comparison):
 
     NAME = "style"
     TITLE = "Photographs painted in the style of other pictures"
+    PICTURES = ("photos", "styles")
     LABELS = ("photograph", "style")
+    WAYS = (
+        PaintingWay("unstyled"),
+        PaintingWay("styled", "unstyled", goal=({"image": "{0.path}"}, {"style": "{1.path}"})),
+        PaintingWay(
+            "begun with the style", "styled",
+            goal=({"image": "{0.path}", "weight": _LIGHT}, {"style": "{1.path}"}),
+            initial=({"style": "{1.path}"},), canvas=1,
+        ),
+    )  # fmt: skip
     MEASURES: ClassVar[Mapping[str, bool | None]] = {
-        "VGG16": False,
-        "Lite1": False,
-        "colours": False,
-        "edges like the photograph's": True,
-        "edges like the style's": True,
-        "strokes like the style's": True,
-        SECONDS: None,
-    }
+        "VGG16": False, "Lite1": False, "colours": False, "edges like the photograph's": True,
+        "edges like the style's": True, "strokes like the style's": True, SECONDS: None,
+    }  # fmt: skip
 
     photos: tuple[Target, ...]
     styles: tuple[Target, ...]
     seeds: tuple[int, ...] = (0, 1)
-
-    def scenes(self) -> Sequence[Scene]:
-        """Returns each photograph with each style."""
-        return list(product(self.photos, self.styles))
-
-    def ways(self) -> Sequence[PaintingWay]:
-        """Returns the three ways."""
-        return [
-            PaintingWay("unstyled"),
-            PaintingWay("styled", "unstyled", goal=lambda photo, look: [image(photo), style(look)]),
-            PaintingWay(
-                "begun with the style",
-                "styled",
-                goal=lambda photo, look: [image(photo, _LIGHT), style(look)],
-                initial=lambda photo, look: [style(look)],
-                canvas=1,
-            ),
-        ]
 
     def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
         """Measures the distances in style, edges, and the directions of the strokes."""
@@ -315,11 +254,15 @@ class StyleExperiment(JudgedExperiment, Comparison):
     @torch.no_grad()
     def _distances(self, picture: Tensor, look: Tensor) -> list[float]:
         """Returns the distances in style by VGG16, by the network that judges, and by colours."""
+        clouds = zip(self._clouds(picture), self._clouds(look), (cosine_cost, cosine_cost, euclidean_cost), strict=True)
         found = []
-        for one, other, cost in zip(
-            self._clouds(picture), self._clouds(look), (cosine_cost, cosine_cost, euclidean_cost), strict=True
-        ):
-            apart = [exact_emd(cost(*_sample(a, b))) for a, b in zip(one, other, strict=True)]
+        for one, other, cost in clouds:
+            chance = torch.Generator().manual_seed(0)
+            apart = []
+            for pair in zip(one, other, strict=True):
+                count = min(*map(len, pair), _PLACES)
+                a, b = (part[torch.randperm(len(part), generator=chance)[:count]] for part in pair)
+                apart.append(exact_emd(cost(a, b)))
             found.append(float(np.mean(apart)))
         return found
 
@@ -331,20 +274,13 @@ class StyleExperiment(JudgedExperiment, Comparison):
         return [[layer.flatten(1).T for layer in layers] for layers in layers_of]
 
 
-def _sample(a: Tensor, b: Tensor) -> tuple[Tensor, Tensor]:
-    """Returns equally many random rows of both clouds [n, c] and [m, c], at most _PLACES."""
-    count = min(len(a), len(b), _PLACES)
-    chance = torch.Generator().manual_seed(0)
-    return a[torch.randperm(len(a), generator=chance)[:count]], b[torch.randperm(len(b), generator=chance)[:count]]
-
-
 # Content (paper: "Semantic Replication"; people preferred painting by meaning).
 
 _SIDE = 240  # pixels of the judge's views
 
 
 @dataclass(frozen=True, kw_only=True)
-class SemanticExperiment(JudgedExperiment, Comparison):
+class SemanticExperiment(JudgedExperiment):
     """Experiment `semantic`: every photograph painted by pixels and by meaning, with the same few strokes.
 
     Features of the network that judges, VGG16's features as in LPIPS, edges and pixels compare with the photograph.
@@ -353,25 +289,16 @@ class SemanticExperiment(JudgedExperiment, Comparison):
     NAME = "semantic"
     TITLE = "Photographs painted by meaning and by pixels"
     LABELS = ("photograph",)
+    WAYS = (
+        PaintingWay("by pixels"),
+        PaintingWay("by meaning", "by pixels", goal=({"semantic": "{0.path}"},)),
+    )
     MEASURES: ClassVar[Mapping[str, bool | None]] = {
-        "feature distance": False,
-        "LPIPS-like": False,
-        "edge F-score": True,
-        "PSNR, dB": True,
-        SECONDS: None,
-    }
+        "feature distance": False, "LPIPS-like": False, "edge F-score": True, "PSNR, dB": True, SECONDS: None,
+    }  # fmt: skip
 
     photos: tuple[Target, ...]
     seeds: tuple[int, ...] = (0, 1)
-
-    def scenes(self) -> Sequence[Scene]:
-        """Returns the photographs."""
-        return [(photo,) for photo in self.photos]
-
-    def ways(self) -> Sequence[PaintingWay]:
-        """Returns the two ways."""
-        meaning = PaintingWay("by meaning", "by pixels", goal=lambda photo: [{"semantic": str(photo.path)}])
-        return [PaintingWay("by pixels"), meaning]
 
     def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
         """Measures the distances between painting and photograph."""
@@ -388,6 +315,8 @@ class SemanticExperiment(JudgedExperiment, Comparison):
 
 # An outline and words: how well does the sketch objective keep a painting to the drawing?
 
+_SAID, _TRACED = {"text": "a {0.words}"}, {"sketch": "{0.path}"}
+
 
 @dataclass(frozen=True, kw_only=True)
 class SketchExperiment(Comparison):
@@ -401,37 +330,19 @@ class SketchExperiment(Comparison):
 
     NAME = "sketch"
     TITLE = "Drawings painted with words"
+    PICTURES = ("drawings", "style")
     LABELS = ("drawing", "style")
+    WAYS = (
+        PaintingWay("words", goal=(_SAID,)),
+        PaintingWay("words, begun with the drawing", "words", goal=(_SAID,), initial=({"image": "{0.path}"},)),
+        PaintingWay("words and sketch", "words, begun with the drawing", goal=(_SAID, _TRACED)),
+        PaintingWay("words and sketch in a style", "words and sketch", goal=(_SAID, _TRACED, {"style": "{1.path}"})),
+    )
     MEASURES: ClassVar[Mapping[str, bool | None]] = {"edge F-score": True, SECONDS: None}
 
     drawings: tuple[Target, ...]
     style: Target
     seeds: tuple[int, ...] = (0, 1)
-
-    def scenes(self) -> Sequence[Scene]:
-        """Returns each drawing with the style."""
-        return [(drawing, self.style) for drawing in self.drawings]
-
-    def ways(self) -> Sequence[PaintingWay]:
-        """Returns the four ways."""
-
-        def say(drawing: Target, look: Target) -> Mapping[str, Any]:
-            return {"text": f"a {drawing.name.replace('-', ' ').replace('_', ' ')}"}
-
-        def trace(drawing: Target, look: Target) -> Mapping[str, Any]:
-            return {"sketch": str(drawing.path)}
-
-        begun, sketched = "words, begun with the drawing", "words and sketch"
-        return [
-            PaintingWay("words", goal=lambda *scene: [say(*scene)]),
-            PaintingWay(
-                begun, "words", goal=lambda *scene: [say(*scene)], initial=lambda drawing, look: [image(drawing)]
-            ),
-            PaintingWay(sketched, begun, goal=lambda *scene: [say(*scene), trace(*scene)]),
-            PaintingWay(
-                f"{sketched} in a style", sketched, goal=lambda *scene: [say(*scene), trace(*scene), style(scene[1])]
-            ),
-        ]
 
     def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
         """Measures how the edges agree with the drawing's."""

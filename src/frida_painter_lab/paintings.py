@@ -1,14 +1,18 @@
-"""Experiments that paint: every run is planned on a bare canvas and painted in the virtual studio by PaintingRun.
+"""Experiments that paint the same in several ways, and compare the paintings by several measures.
 
-The common settings of all paintings of an experiment are a RunSpec too. Imperfections of the studio can be removed.
+Such an experiment is a row: scenes, ways to paint them, and measures of a painting. Every run is planned on a bare
+canvas and painted in the virtual studio by PaintingRun. The common settings of all paintings are a RunSpec too.
+Imperfections of the studio can be removed.
 """
 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from typing import Any, ClassVar, Self, cast
 
+import numpy as np
 from torch import Tensor
 
 from frida_painter import images, storage
@@ -21,6 +25,7 @@ from frida_painter.hardware.faults import PlacementError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
+from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
@@ -30,22 +35,15 @@ from frida_painter.session.opening import planning_device
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter.virtual.tabletop import HandNoise, Table
-from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress
-from frida_painter_lab.runs import Labels, Run, Value
-from frida_painter_lab.sweeps.sweep_spec import goal_facts
+from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Results, ResultTable, Row
+from frida_painter_lab.runs import Labels, Run, Value, goal_facts
+from frida_painter_lab.targets import Target
 
 EXACT = PlacementError((0.0, 0.0), 0.0)
 """Placement of a perfectly calibrated robot."""
 _PLANNING = 0.7  # share of the time of a painting
 Tell = Callable[[float], None]
 """Hears the share, in [0, 1], of a part of the work that is done."""
-
-
-def connect_studio(studio: VirtualStudio) -> VirtualStudio:
-    """Connects robot and camera of a studio, and returns the studio."""
-    studio.easel.robot.connect()
-    studio.easel.camera.connect()
-    return studio
 
 
 def execute(plan: Plan, easel: Easel, rows: int) -> Tensor:
@@ -191,56 +189,116 @@ class Painted:
     expected: Mapping[int, Tensor] = field(default_factory=dict)
 
 
+Goal = Sequence[Mapping[str, str | float]]
+"""Goal as in a goal file, as a template: {0.path} is the file of the first picture, {0.words} its name in words."""
+
+
+@dataclass(frozen=True)
+class PaintingWay:
+    """Way to paint a scene.
+
+    name: in tables
+    than: name of the way that it is compared with; "" for none
+    goal, initial: of a scene's pictures; by default its first picture, and nothing to begin with
+    canvas: number of the picture that decides the orientation of the canvas
+    changes: other fields of the RunSpec
+    without: imperfections that the studio lacks
+    """
+
+    name: str
+    than: str = ""
+    goal: Goal = ({"image": "{0.path}"},)
+    initial: Goal = ()
+    canvas: int = 0
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    without: tuple[Imperfection, ...] = ()
+
+
+Scene = tuple[Target, ...]
+"""Pictures of what is painted: a photograph or a drawing, and perhaps a style."""
+
+
 @dataclass(frozen=True, kw_only=True)
-class PaintingExperiment(Experiment):
-    """Experiment whose runs are paintings.
+class Comparison(Experiment):
+    """Experiment that paints every scene in every way, once per seed.
 
     FULL, QUICK: common settings of all paintings
-
-    seeds: the paintings are made once with each
-    scale: common settings in place of FULL or QUICK
-    encoders: networks of the goals
+    PICTURES: fields with the pictures of a scene
+    LABELS: of these pictures
+    WAYS: ways to paint a scene
+    MEASURES: names of the measures; True if more is better, False if less is; None if it is only told
+    SHOWN: pictures of each painting on the sheet
+    COLUMNS: of the sheet, if a scene takes several lines
     """
 
     FULL: ClassVar[RunSpec] = RunSpec.of(strokes=100, layers=1, colors=12, effort=0.3, replans=0)
     QUICK: ClassVar[RunSpec] = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=0)
+    PICTURES: ClassVar[Sequence[str]] = ("photos",)
+    LABELS: ClassVar[Sequence[str]] = ("target",)
+    WAYS: ClassVar[Sequence[PaintingWay]]
+    MEASURES: ClassVar[Mapping[str, bool | None]]
+    SHOWN: ClassVar[Sequence[str]] = ("painting",)
+    COLUMNS: ClassVar[int] = 0
 
     seeds: tuple[int, ...] = (0,)
-    scale: RunSpec | None = None
-    encoders: EncoderRegistry | None = None
 
     @cached_property
     def common(self) -> RunSpec:
         """Common settings of all paintings."""
-        return self.scale or (self.QUICK if self.quick else self.FULL).with_values(brush=self.brush)
+        return (self.QUICK if self.quick else self.FULL).with_values(brush=self.brush)
 
     @cached_property
     def networks(self) -> EncoderRegistry:
         """Networks of the goals."""
-        return self.encoders or EncoderRegistry(device=planning_device())
+        return EncoderRegistry(device=planning_device())
 
-    def of(
-        self,
-        labels: Labels,
-        picture: Tensor,
-        goal: Sequence[Any],
-        without: tuple[Imperfection, ...] = (),
-        **changes: Any,
-    ) -> StudioRun:
-        """Returns the run that paints a goal on a canvas with the orientation of a picture [3, H, W].
+    def scenes(self) -> Sequence[Scene]:
+        """Returns the scenes: all combinations of their pictures."""
+        found = (getattr(self, name) for name in self.PICTURES)
+        return list(product(*(several if isinstance(several, tuple) else (several,) for several in found)))
 
-        labels: with its seed
-        goal: as in a TOML file, such as {"image": "photo.jpg"}
-        changes: other fields of the spec
+    def ways(self) -> Sequence[PaintingWay]:
+        """Returns the ways."""
+        return self.WAYS
+
+    def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
+        """Returns the measures of a painting by their names.
+
+        picture: photograph of the painting [3, H, W]
         """
-        canvas = self.common.canvas.orient_like(*picture.shape[1:])
-        usual = {"goal": goal, "seed": labels["seed"], "canvas": canvas, "fit": "crop", "film": False}
-        return StudioRun.of(labels, self.common.with_values(**{**usual, **changes}), without)
+        raise NotImplementedError
+
+    def runs(self) -> Sequence[StudioRun]:
+        """Returns a painting for each scene, seed and way."""
+        found = []
+        for scene, seed, way in product(self.scenes(), self.seeds, self.ways()):
+            labels = {**self.name_scene(scene), "seed": seed, "painted": way.name}
+            canvas = self.common.canvas.orient_like(*scene[way.canvas].picture.shape[1:])
+            goals = {
+                part: [
+                    {kind: value.format(*scene) if isinstance(value, str) else value for kind, value in item.items()}
+                    for item in items
+                ]
+                for part, items in (("goal", way.goal), ("initial", way.initial))
+            }
+            usual = {**goals, "seed": seed, "canvas": canvas, "fit": "crop", "film": False}
+            spec = self.common.with_values(**{**usual, **way.changes})
+            found.append(StudioRun.of(labels, spec, way.without))
+        return found
+
+    def name_scene(self, scene: Scene) -> dict[str, str | int]:
+        """Returns the labels of a scene."""
+        return {label: target.name for label, target in zip(self.LABELS, scene, strict=True)}
+
+    def scene_of(self, run: StudioRun) -> Scene:
+        """Returns what a run paints."""
+        return next(one for one in self.scenes() if self.name_scene(one).items() <= run.labels.items())
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
-        """Returns the common settings of all paintings, and the seeds."""
-        spec = self.common
+        """Returns the scenes, the common settings of all paintings, and the seeds."""
+        spec, named = self.common, [self.name_scene(scene) for scene in self.scenes()]
         return {
+            **{label: [*dict.fromkeys(one[label] for one in named)] for label in self.LABELS},
             "seeds": self.seeds,
             "brush": ", ".join(spec.brush_names),
             "canvas": str(spec.canvas),
@@ -255,13 +313,11 @@ class PaintingExperiment(Experiment):
     def measure(self, run: Run, notify: Notify) -> Measurement:
         """Paints and judges a run."""
         assert isinstance(run, StudioRun)
-        measured = self.judge(run, self.paint(run, notify))
+        painted = self.paint(run, notify)
+        shown = {"simulated": painted.planned, "painting": painted.photograph, "canvas": painted.truth}
+        figures = self.figures(painted, painted.photograph, *self.scene_of(run))
         notify(Progress(1.0, f"{run.words}: measured"))
-        return measured
-
-    def judge(self, run: StudioRun, painted: Painted) -> Measurement:
-        """Measures a painting."""
-        raise NotImplementedError
+        return Measurement(figures, {name: shown[name] for name in self.SHOWN})
 
     def make_plan(self, run: StudioRun, opened: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
         """Returns the first plan of a run, and its simulated picture [3, rows, columns]."""
@@ -295,6 +351,52 @@ class PaintingExperiment(Experiment):
         rows, columns = planned.shape[1:]
         photograph, truth = (images.fit(one, rows, columns) for one in (photograph, studio.truth(rows)))
         return Painted(opened, plan, planned, photograph, truth, seconds, expected)
+
+    def tables(self, results: Results) -> Sequence[ResultTable]:
+        """Returns the means of each way, the differences between ways, and all paintings."""
+        differences = [
+            self.compare(results, way, name, more=more)
+            for way in self.ways()
+            if way.than
+            for name, more in self.MEASURES.items()
+            if more is not None
+        ]
+        return [
+            ResultTable("Means over all paintings", results.means("painted")),
+            ResultTable("Differences between ways, painting by painting", differences),
+            ResultTable("All paintings", results.rows()),
+        ]
+
+    def compare(self, results: Results, way: PaintingWay, name: str, *, more: bool) -> Row:
+        """Returns the comparison of a way with another one by a measure."""
+        mine, its = (np.array(results.values(name, painted=one)) for one in (way.name, way.than))
+        better = (mine > its if more else mine < its).sum()
+        return {
+            "painted": way.name,
+            "than": way.than,
+            "measure": name,
+            "mean": float(mine.mean()),
+            "mean of the other": float(its.mean()),
+            "difference": float((mine - its).mean()),
+            "better in": f"{better} of {len(mine)}",
+        }
+
+    def pictures(self, results: Results) -> Mapping[str, Tensor]:
+        """Returns a sheet of the first seed: a line for each scene, or several."""
+        lines = []
+        main = next(iter(self.MEASURES))
+        for scene in self.scenes():
+            cells = [Cell(one.picture, one.name) for one in scene]
+            for way in self.ways():
+                found = results.one(**self.name_scene(scene), seed=self.seeds[0], painted=way.name)
+                *before, last = self.SHOWN
+                cells += [Cell(found.pictures[name], name) for name in before]
+                cells.append(Cell(found.pictures[last], f"{way.name}: {main} {found.numbers[main]:.3g}"))
+            size = cells[-1].picture.shape[1:]
+            cells = [Cell(images.fit(cell.picture, *size), cell.caption) for cell in cells]
+            columns = self.COLUMNS or len(cells)
+            lines += [FigureRow("", cells[first : first + columns]) for first in range(0, len(cells), columns)]
+        return {self.NAME: page("", (), lines, width=260)}
 
 
 def make_first_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:

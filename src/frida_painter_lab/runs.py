@@ -3,7 +3,7 @@
 import contextlib
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -14,6 +14,7 @@ from filelock import FileLock, Timeout
 from frida_painter import storage
 from frida_painter.errors import FridaError, StorageError, TryFailed
 from frida_painter.provenance import identify_here
+from frida_painter.runs.spec import RunSpec
 
 LOCK = ".lock"
 _PATIENCE = 600.0  # seconds, for a run that a dead driver left behind
@@ -58,6 +59,17 @@ class Run:
         """Description of the run for people."""
         told = (f"seed {value}" if label == "seed" else str(value) for label, value in self.labels.items())
         return ", ".join(filter(None, told))
+
+
+def goal_facts(spec: RunSpec, hash_of: Callable[[Path], str]) -> dict[str, list[list[Value]]]:
+    """Returns a goal and what it begins with, each part as its kind, its content (words, or a hash) and its weight."""
+    return {
+        part: [
+            [item.kind, item.value if item.path is None else hash_of(item.path), item.weight]
+            for item in getattr(spec, part)
+        ]
+        for part in ("goal", "initial")
+    }
 
 
 def lock_of(folder: Path) -> FileLock:

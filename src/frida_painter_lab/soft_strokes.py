@@ -5,7 +5,7 @@ the colour of Huang et al. ("Learning to Paint With Model-Based Deep Reinforceme
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
@@ -165,167 +165,104 @@ def _between(ends: Tensor, share: Tensor) -> Tensor:
 # First steps in metres (points, radii), shares (opacity) and sRGB.
 _UNITS = {"points": 0.002, "radius": 0.001, "opacity": 0.04, "color": 0.03}
 _FIRST_OPACITY = 0.8
+_ROUNDS = 6  # placements of strokes
+_SETTLING, _POLISHING = 30, 120  # steps after each placement, and in each of the two final phases
 
 
-@dataclass(frozen=True)
-class SoftEffort:
-    """Effort of planning with soft strokes.
+@dataclass(frozen=True, kw_only=True)
+class SoftPlanner:
+    """Planner of soft strokes on a white canvas, by the mean squared difference.
 
-    rounds: number of placements
-    settling: steps after each placement
-    polishing: steps in each of the two final phases
-    """
-
-    rounds: int = 6
-    settling: int = 30
-    polishing: int = 120
-
-    def scale(self, factor: float) -> Self:
-        """Returns the effort with `factor` times the steps, at least one of each."""
-        return replace(self, settling=math.ceil(factor * self.settling), polishing=math.ceil(factor * self.polishing))
-
-    @property
-    def steps(self) -> int:
-        """Total number of steps."""
-        return self.rounds * self.settling + 2 * self.polishing
-
-
-@dataclass(frozen=True)
-class SoftPlan:
-    """Planned soft strokes, and their simulated picture [3, H, W]."""
-
-    strokes: SoftStrokes
-    picture: Tensor
-
-
-def plan_soft_strokes(
-    target: Tensor,
-    size: CanvasSize,
-    freedom: Freedom,
-    count: int,
-    *,
-    colors: int | None,
-    effort: SoftEffort,
-    seed: int,
-    notify: Callable[[float], None] = lambda share: None,
-) -> SoftPlan:
-    """Plans `count` strokes on a white canvas for `target` [3, H, W], by the mean squared difference.
-
+    target: [3, H, W]
     colors: number of paints; None for a separate colour of each stroke
+    effort: factor of the usual number of steps
     notify: hears the share of the work that is done
     """
-    generator = torch.Generator().manual_seed(seed)
-    bare = torch.ones_like(target)
-    strokes = SoftStrokes(torch.zeros(0, 3, 2), torch.zeros(0, 2), torch.zeros(0, 2), torch.zeros(0, 3))
-    done = 0
 
-    def step() -> None:
-        nonlocal done
-        done += 1
-        notify(done / effort.steps)
+    target: Tensor
+    size: CanvasSize
+    freedom: Freedom
+    colors: int | None
+    effort: float
+    seed: int
+    notify: Callable[[float], None] = lambda share: None
 
-    quotas = round_sizes(count, effort.rounds)
-    for number, quota in enumerate(quotas):
-        smallness = number / max(1, len(quotas) - 1)
-        new = _place(strokes, quota, smallness, bare, target, size, freedom, generator)
-        strokes = _settle(SoftStrokes.join(strokes, new), bare, target, size, freedom, effort.settling, step)
-    strokes = _settle(strokes, bare, target, size, freedom, effort.polishing, step)
-    if colors is not None:
-        palette = Palette.cluster(strokes.color, strokes.length() * strokes.radius.mean(1), colors, seed)
-        strokes = replace(strokes, color=palette.color[palette.nearest(strokes.color)])
-    strokes = _settle(strokes, bare, target, size, freedom, effort.polishing, step, vary_color=colors is None)
-    with torch.no_grad():
-        return SoftPlan(strokes, render(strokes, bare, size))
-
-
-@torch.no_grad()
-def seen_colors(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> Tensor:
-    """Returns the colour [n, 3] at each stroke's place when the stroke has been laid on those before it.
-
-    The opacity of the stroke is included.
-    """
-    maps, affine = marks(strokes, canvas, size)
-    found, picture = [], canvas
-    ones = torch.ones(1, 3).to(canvas)
-    for index in range(len(strokes)):
-        one = slice(index, index + 1)
-        picture = composite(maps[one], affine[one], strokes.color[one], picture)
-        share = composite(maps[one], affine[one], ones, torch.zeros_like(canvas))  # [3, H, W], of this stroke alone
-        found.append((picture * share).sum((1, 2)) / share.sum((1, 2)).clamp(min=1e-6))
-    return torch.stack(found)
-
-
-@torch.no_grad()
-def _place(
-    strokes: SoftStrokes,
-    count: int,
-    smallness: float,
-    bare: Tensor,
-    target: Tensor,
-    size: CanvasSize,
-    freedom: Freedom,
-    generator: torch.Generator,
-) -> SoftStrokes:
-    """Returns new strokes at places of large error, from the largest (smallness 0) to small ones (1)."""
-    picture = render(strokes, bare, size) if len(strokes) else bare
-    least, most = freedom.radius
-    radius = most * max(least / most, 0.12) ** smallness
-    grid = PixelGrid(size, *target.shape[1:])
-    width = 2 * round(radius / grid.pitch[1] / 2) + 1
-    error = (target - picture).square().sum(0)
-    error = functional.avg_pool2d(error[None, None], width, 1, width // 2, count_include_pad=False)[0, 0]
-    chosen = torch.multinomial(error.flatten() + 1e-12, count, replacement=True, generator=generator)
-    pixel = torch.stack((chosen % error.shape[1], chosen // error.shape[1]), 1)
-    middle = grid.to_canvas(pixel.float())
-    angle = torch.rand(count, generator=generator) * torch.pi
-    length = (2 * radius * (0.5 + 1.5 * torch.rand(count, generator=generator))).clamp(*freedom.length)
-    half = torch.stack((torch.cos(angle), torch.sin(angle)), 1) * length[:, None] / 2
-    smooth = images.fit(target, max(1, target.shape[1] // width), max(1, target.shape[2] // width))
-    place = torch.stack((2 * middle[:, 0] / size.width - 1, 1 - 2 * middle[:, 1] / size.height), 1)
-    color = functional.grid_sample(smooth[None], place[None, None], align_corners=False, padding_mode="border")
-    new = SoftStrokes(
-        torch.stack((middle - half, middle, middle + half), 1),
-        torch.full((count, 2), radius),
-        torch.full((count, 2), _FIRST_OPACITY),
-        color[0, :, 0].T,
-    )
-    return freedom.project(new, size)
-
-
-def _settle(
-    strokes: SoftStrokes,
-    bare: Tensor,
-    target: Tensor,
-    size: CanvasSize,
-    freedom: Freedom,
-    steps: int,
-    step: Callable[[], None],
-    *,
-    vary_color: bool = True,
-) -> SoftStrokes:
-    """Optimises all strokes together by Adam; returns the best ones found."""
-    varied = [name for name in _UNITS if vary_color or name != "color"]
-    leaves = {name: (strokes.arrays()[name] / _UNITS[name]).clone().requires_grad_() for name in varied}
-    adam = torch.optim.Adam(leaves.values(), lr=1.0, betas=(0.9, 0.98), foreach=True)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, steps, eta_min=0.1)
-    best, least = strokes, float("inf")
-    for _ in range(steps):
-        current = replace(strokes, **{name: leaf * _UNITS[name] for name, leaf in leaves.items()})
-        loss = (render(current, bare, size) - target).square().mean()
-        if loss.item() < least:
-            least = loss.item()
-            best = SoftStrokes(**{name: part.detach().clone() for name, part in current.arrays().items()})
-        adam.zero_grad()
-        torch.autograd.backward(loss)
-        adam.step()
-        schedule.step()
+    def plan(self, count: int) -> tuple[SoftStrokes, Tensor]:
+        """Returns `count` strokes, and their simulated picture [3, H, W]."""
+        generator = torch.Generator().manual_seed(self.seed)
+        settling, polishing = (math.ceil(self.effort * steps) for steps in (_SETTLING, _POLISHING))
+        ends = np.cumsum([*[settling] * _ROUNDS, polishing, polishing]) / (_ROUNDS * settling + 2 * polishing)
+        done = np.r_[0, ends].tolist()
+        strokes = SoftStrokes(torch.zeros(0, 3, 2), torch.zeros(0, 2), torch.zeros(0, 2), torch.zeros(0, 3))
+        for number, quota in enumerate(round_sizes(count, _ROUNDS)):
+            new = self._place(strokes, quota, number / (_ROUNDS - 1), generator)
+            strokes = self._settle(SoftStrokes.join(strokes, new), settling, done[number : number + 2])
+        strokes = self._settle(strokes, polishing, done[_ROUNDS : _ROUNDS + 2])
+        if self.colors is not None:
+            palette = Palette.cluster(strokes.color, strokes.length() * strokes.radius.mean(1), self.colors, self.seed)
+            strokes = replace(strokes, color=palette.color[palette.nearest(strokes.color)])
+        strokes = self._settle(strokes, polishing, done[_ROUNDS + 1 :], vary_color=self.colors is None)
         with torch.no_grad():
-            moved = replace(strokes, **{name: leaf * _UNITS[name] for name, leaf in leaves.items()})
-            for name, part in freedom.project(moved, size).arrays().items():
-                if name in leaves:
-                    leaves[name].copy_(part / _UNITS[name])
-        step()
-    return best
+            return strokes, render(strokes, torch.ones_like(self.target), self.size)
+
+    @torch.no_grad()
+    def _place(self, strokes: SoftStrokes, count: int, smallness: float, generator: torch.Generator) -> SoftStrokes:
+        """Returns new strokes at places of large error, from the largest (smallness 0) to small ones (1)."""
+        target, size, bare = self.target, self.size, torch.ones_like(self.target)
+        picture = render(strokes, bare, size) if len(strokes) else bare
+        least, most = self.freedom.radius
+        radius = most * max(least / most, 0.12) ** smallness
+        grid = PixelGrid(size, *target.shape[1:])
+        width = 2 * round(radius / grid.pitch[1] / 2) + 1
+        error = (target - picture).square().sum(0)
+        error = functional.avg_pool2d(error[None, None], width, 1, width // 2, count_include_pad=False)[0, 0]
+        chosen = torch.multinomial(error.flatten() + 1e-12, count, replacement=True, generator=generator)
+        pixel = torch.stack((chosen % error.shape[1], chosen // error.shape[1]), 1)
+        middle = grid.to_canvas(pixel.float())
+        angle = torch.rand(count, generator=generator) * torch.pi
+        length = (2 * radius * (0.5 + 1.5 * torch.rand(count, generator=generator))).clamp(*self.freedom.length)
+        half = torch.stack((torch.cos(angle), torch.sin(angle)), 1) * length[:, None] / 2
+        smooth = images.fit(target, max(1, target.shape[1] // width), max(1, target.shape[2] // width))
+        place = torch.stack((2 * middle[:, 0] / size.width - 1, 1 - 2 * middle[:, 1] / size.height), 1)
+        color = functional.grid_sample(smooth[None], place[None, None], align_corners=False, padding_mode="border")
+        new = SoftStrokes(
+            torch.stack((middle - half, middle, middle + half), 1),
+            torch.full((count, 2), radius),
+            torch.full((count, 2), _FIRST_OPACITY),
+            color[0, :, 0].T,
+        )
+        return self.freedom.project(new, size)
+
+    def _settle(
+        self, strokes: SoftStrokes, steps: int, done: Sequence[float], *, vary_color: bool = True
+    ) -> SoftStrokes:
+        """Optimises all strokes together by Adam; returns the best ones found.
+
+        done: shares of the work before and after
+        """
+        bare = torch.ones_like(self.target)
+        varied = [name for name in _UNITS if vary_color or name != "color"]
+        leaves = {name: (strokes.arrays()[name] / _UNITS[name]).clone().requires_grad_() for name in varied}
+        adam = torch.optim.Adam(leaves.values(), lr=1.0, betas=(0.9, 0.98), foreach=True)
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(adam, steps, eta_min=0.1)
+        best, least = strokes, float("inf")
+        for number in range(1, steps + 1):
+            current = replace(strokes, **{name: leaf * _UNITS[name] for name, leaf in leaves.items()})
+            loss = (render(current, bare, self.size) - self.target).square().mean()
+            if loss.item() < least:
+                least = loss.item()
+                best = SoftStrokes(**{name: part.detach().clone() for name, part in current.arrays().items()})
+            adam.zero_grad()
+            torch.autograd.backward(loss)
+            adam.step()
+            schedule.step()
+            with torch.no_grad():
+                moved = replace(strokes, **{name: leaf * _UNITS[name] for name, leaf in leaves.items()})
+                for name, part in self.freedom.project(moved, self.size).arrays().items():
+                    if name in leaves:
+                        leaves[name].copy_(part / _UNITS[name])
+            self.notify(done[0] + (done[1] - done[0]) * number / steps)
+        return best
 
 
 # From soft strokes to the nearest strokes of a robot with its brush.
@@ -394,6 +331,23 @@ def constrain_to_brush(model: StrokeModel, size: CanvasSize) -> Freedom:
         opacity=(1.0, 1.0),
         tapered=False,
     )
+
+
+@torch.no_grad()
+def seen_colors(strokes: SoftStrokes, canvas: Tensor, size: CanvasSize) -> Tensor:
+    """Returns the colour [n, 3] at each stroke's place when the stroke has been laid on those before it.
+
+    The opacity of the stroke is included.
+    """
+    maps, affine = marks(strokes, canvas, size)
+    found, picture = [], canvas
+    ones = torch.ones(1, 3).to(canvas)
+    for index in range(len(strokes)):
+        one = slice(index, index + 1)
+        picture = composite(maps[one], affine[one], strokes.color[one], picture)
+        share = composite(maps[one], affine[one], ones, torch.zeros_like(canvas))  # [3, H, W], of this stroke alone
+        found.append((picture * share).sum((1, 2)) / share.sum((1, 2)).clamp(min=1e-6))
+    return torch.stack(found)
 
 
 def as_plan(soft: SoftStrokes, model: StrokeModel, size: CanvasSize, colors: int, canvas: Tensor, seed: int) -> Plan:

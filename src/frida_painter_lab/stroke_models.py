@@ -30,7 +30,7 @@ from frida_painter_calibration.teaching import evaluation as training
 from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape, fit_bezier
 from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Results, ResultTable, Row
 from frida_painter_lab.runs import Run, Value
-from frida_painter_lab.sweeps.report import Result, paired_tests
+from frida_painter_lab.statistics import Result, paired_tests
 
 ZEROS, MEAN, BEZIER = "all zeros", "mean stroke", "fitted Bezier"
 LEARNED = (DEFAULT_MODEL, *(name for name in MODELS if name != DEFAULT_MODEL))

@@ -10,19 +10,17 @@ from frida_painter.cli.commands import Deferred
 VERIFY = Deferred(
     "verify",
     "frida_painter_lab.verify_command",
-    "Check whether a plan, a painting or a sweep is as it was left and can be made again here, by its record.",
+    "Check whether a plan or a painting is as it was left and can be made again here, by its record.",
 )
 
 
 def verify(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="A painting, a plan or a sweep.", show_default=False)
-    ],
+    folder: Annotated[Path, typer.Argument(metavar="FOLDER", help="A painting or a plan.", show_default=False)],
     again: Annotated[
         bool, typer.Option("--again", help="Make it again and compare, bit for bit. Nothing is written.")
     ] = False,
 ) -> None:
-    """Check whether a plan, a painting or a sweep is as it was left and can be made again here, by its record.
+    """Check whether a plan or a painting is as it was left and can be made again here, by its record.
 
     Versions, plug-ins, code, device, all files that went in and all files in the folder are compared. If something
     differs, it is named, and the exit status is 1.

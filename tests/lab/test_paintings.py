@@ -16,11 +16,26 @@ from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter_lab import goals
 from frida_painter_lab.experiment import Outcome
-from frida_painter_lab.goals import PROMPTS, SemanticExperiment, SketchExperiment, StyleExperiment, TextExperiment
-from frida_painter_lab.ladder import RUNGS, SIMILARITY, Ladder
-from frida_painter_lab.paintings import PLACEMENT, Painted, PaintingExperiment, StudioRun
-from frida_painter_lab.replanning import DEVIATION, Replanning
-from frida_painter_lab.sim2real import CONSTRAINED, OURS, UNCONSTRAINED, Sim2Real
+from frida_painter_lab.goals import (
+    PROMPTS,
+    JudgedExperiment,
+    SemanticExperiment,
+    SketchExperiment,
+    StyleExperiment,
+    TextExperiment,
+)
+from frida_painter_lab.paintings import PLACEMENT, Comparison, Painted, StudioRun
+from frida_painter_lab.simulation_gap import (
+    CONSTRAINED,
+    DEVIATION,
+    OURS,
+    RUNGS,
+    SIMILARITY,
+    UNCONSTRAINED,
+    Ladder,
+    Replanning,
+    Sim2Real,
+)
 from frida_painter_lab.targets import (
     DRAWINGS,
     PHOTOGRAPHS,
@@ -47,7 +62,7 @@ class MadeUp:
     def __init__(self) -> None:
         self.painted: list[StudioRun] = []
 
-    def __call__(self, experiment: PaintingExperiment, run: StudioRun, notify: Any) -> Painted:
+    def __call__(self, experiment: Comparison, run: StudioRun, notify: Any) -> Painted:
         self.painted.append(run)
         planned = of_chance(run.labels.get("seed"))
         planner = SimpleNamespace(forecast=lambda plan, canvas: SimpleNamespace(expected=6.5), bare=None)
@@ -61,7 +76,9 @@ class MadeUp:
 @pytest.fixture
 def studio(monkeypatch: pytest.MonkeyPatch) -> MadeUp:
     made = MadeUp()
-    monkeypatch.setattr(PaintingExperiment, "paint", lambda self, run, notify: made(self, run, notify))
+    monkeypatch.setattr(Comparison, "paint", lambda self, run, notify: made(self, run, notify))
+    monkeypatch.setattr(Comparison, "networks", QuickEncoders())
+    monkeypatch.setattr(JudgedExperiment, "seer", QuickEncoders().meaning())
     monkeypatch.setattr(
         goals,
         "_paint_floors",
@@ -79,10 +96,6 @@ def target(tmp_path: Path) -> Callable[[str], Target]:
         return Target.read(tmp_path / f"{name}.png")
 
     return made
-
-
-def judged(**rest: Any) -> dict[str, Any]:
-    return {"quick": True, "seeds": (3,), "encoders": QuickEncoders(), **rest}
 
 
 def tables(outcome: Outcome) -> list[list[Any]]:
@@ -126,8 +139,7 @@ def test_every_rung_of_the_ladder_is_compared_with_one_above(studio: MadeUp, tar
 
 
 def test_words_are_ranked_among_all_classes_and_exactly_one_painting_comes_first(studio: MadeUp) -> None:
-    network = QuickEncoders().meaning()
-    outcome = TextExperiment(**judged(judge_network=network)).run()
+    outcome = TextExperiment(quick=True, seeds=(3,)).run()
     summary, every = tables(outcome)
     assert len(summary) == len(goals.TEXT_WAYS) and [row["prompt"] for row in every] == [p.words for p in PROMPTS[:2]]
     for row in summary:
@@ -135,14 +147,13 @@ def test_words_are_ranked_among_all_classes_and_exactly_one_painting_comes_first
     assert summary[-1]["first among all"] == 0.5, "the same picture for every prompt: chance"
     run = studio.painted[0]
     shown = 0.8 * of_chance(3) + 0.2 * of_chance(*run.labels.values())
-    logs = torch.tensor(goals.log_probabilities(network, shown))
-    assert every[0]["rank"] == int((logs > logs[954]).sum()) + 1
+    logs = QuickEncoders().meaning().logits(images.fit(shown, 260, 260)[None]).log_softmax(1)[0].detach()
+    assert every[0]["rank, words"] == int((logs > logs[954]).sum()) + 1
     assert every[0]["probability"] == pytest.approx(float(logs[954].exp()), rel=1e-4)
 
 
 def test_styles_are_judged_by_features_that_nobody_optimised(studio: MadeUp, target: Any) -> None:
-    network = QuickEncoders().meaning()
-    outcome = StyleExperiment(**judged(judge_network=network, photos=(target("cat"),), styles=(target("waves"),))).run()
+    outcome = StyleExperiment(quick=True, seeds=(3,), photos=(target("cat"),), styles=(target("waves"),)).run()
     for row in tables(outcome)[2]:
         assert (
             all(row[name] >= 0 for name in ("VGG16", "Lite1", "colours")) and -1 <= row["strokes like the style's"] <= 1
@@ -154,7 +165,7 @@ def test_meaning_against_pixels_and_only_a_changed_picture_is_painted_again(
     studio: MadeUp, target: Any, tmp_path: Path
 ) -> None:
     photo = target("cat")
-    made = SemanticExperiment(**judged(judge_network=QuickEncoders().meaning(), photos=(photo,)))
+    made = SemanticExperiment(quick=True, seeds=(3,), photos=(photo,))
     outcome = made.run(tmp_path / "kept")
     assert [run.spec.goal[0].kind for run in studio.painted] == ["image", "semantic"]
     assert [row["measure"] for row in tables(outcome)[1]] == list(SemanticExperiment.MEASURES)[:-1]
@@ -166,7 +177,7 @@ def test_meaning_against_pixels_and_only_a_changed_picture_is_painted_again(
 
 def test_drawings_are_painted_in_four_ways(studio: MadeUp, target: Any) -> None:
     drawings, style = (target("flat-line"),), target("waves")
-    outcome = SketchExperiment(**judged(drawings=drawings, style=style)).run()
+    outcome = SketchExperiment(quick=True, seeds=(3,), drawings=drawings, style=style).run()
     assert all(0 <= row["edge F-score"] <= 1 for row in tables(outcome)[0])
     assert [len(run.spec.goal) for run in studio.painted] == [1, 1, 2, 3]
     assert studio.painted[0].spec.goal[0].value == "a flat line" and len(studio.painted[1].spec.initial) == 1

@@ -11,12 +11,11 @@ from frida_painter_calibration.teaching.bezier import BezierStroke
 from frida_painter_lab.soft_strokes import (
     Freedom,
     MarkSizes,
-    SoftEffort,
+    SoftPlanner,
     SoftStrokes,
     allow_any_stroke,
     as_plan,
     constrain_to_brush,
-    plan_soft_strokes,
     render,
     seen_colors,
 )
@@ -126,7 +125,7 @@ def test_a_plan_has_as_many_strokes_in_the_same_order_and_no_more_paints_than_as
 
 # Planning with them.
 
-PLANNED, HASTE = CanvasSize(0.13, 0.1), SoftEffort(rounds=3, settling=12, polishing=12)
+PLANNED = CanvasSize(0.13, 0.1)
 
 
 def target() -> torch.Tensor:
@@ -141,20 +140,15 @@ def test_few_strokes_come_near_and_more_come_nearer():
     for count in (2, 16):
         heard: list[float] = []
         colors = 3 if count == 16 else None
-        made = plan_soft_strokes(
-            target(),
-            PLANNED,
-            allow_any_stroke(PLANNED),
-            count,
-            colors=colors,
-            effort=HASTE,
-            seed=0,
+        planner = SoftPlanner(
+            target=target(), size=PLANNED, freedom=allow_any_stroke(PLANNED), colors=colors, effort=0.15, seed=0,
             notify=heard.append,
-        )
-        assert len(made.strokes) == count and heard == sorted(heard) and (count < 3 or heard[-1] == 1.0)
-        assert len(torch.unique(made.strokes.color, dim=0)) <= (colors or count)
-        torch.testing.assert_close(made.picture, render(made.strokes, torch.ones(3, 48, 62), PLANNED))
-        errors.append(float((made.picture - target()).square().mean()))
+        )  # fmt: skip
+        strokes, shown = planner.plan(count)
+        assert len(strokes) == count and heard == sorted(heard) and heard[-1] == pytest.approx(1)
+        assert len(torch.unique(strokes.color, dim=0)) <= (colors or count)
+        torch.testing.assert_close(shown, render(strokes, torch.ones(3, 48, 62), PLANNED))
+        errors.append(float((shown - target()).square().mean()))
     bare = float((1 - target()).square().mean())
     assert errors[0] < 0.6 * bare and errors[1] < 0.5 * errors[0]
 

@@ -176,7 +176,7 @@ def test_older_folders_are_read_and_their_lack_is_said(tmp_path: Path) -> None:
     for folder in ("plan", "painting"):
         checked = fp.record(OLDER / folder).check()
         assert not checked.passed and "holds no record.json" in checked.obstacle
-    with pytest.raises(ConfigError, match="holds no plan, painting or sweep"):
+    with pytest.raises(ConfigError, match="holds no plan and no painting"):
         fp.record(tmp_path)
 
 

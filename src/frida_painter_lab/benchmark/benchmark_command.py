@@ -1,5 +1,6 @@
 """The commands of the benchmark: benchmark list, cell, judge, table, page, pictures."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,9 +10,8 @@ from frida_painter.errors import ConfigError, TryFailed
 from frida_painter.options import out_folder, whole_number_within
 from frida_painter_lab.sweeps.sweep_command import Jobs
 
-_LAST_SEED = 2**31 - 1
 _DEFAULT_OUT = Path("benchmark")
-_seed = whole_number_within(0, _LAST_SEED)
+_seed = whole_number_within(0, 2**31 - 1)
 _budget = whole_number_within(1, 10_000)
 
 
@@ -43,28 +43,13 @@ Out = Annotated[
 Goal = Annotated[
     str, typer.Option("--picture", metavar="NAME", help="A picture or goal of the suite, cat~7, or a picture file.")
 ]
-Strokes = Annotated[int, typer.Option(parser=_budget, metavar="N", help="The budget: 100, 300 or 1000 strokes.")]
-Seed = Annotated[int, typer.Option(parser=_seed, metavar="N", help="The seed of the virtual studio.")]
-Seconds = Annotated[
-    float | None, typer.Option("--cpu-seconds", min=0, help="Seconds of the processor that the strokes took to plan.")
+Strokes = Annotated[
+    int, typer.Option("--strokes", parser=_budget, metavar="N", help="The budget: 100, 300 or 1000 strokes.")
 ]
+Seed = Annotated[int, typer.Option(parser=_seed, metavar="N", help="The seed of the virtual studio.")]
 Pictures = Annotated[
     Any, typer.Option("--pictures", parser=_names, metavar="NAME,...", help="What is painted. [dim]all 24 pictures[/]")
 ]
-Entrants = Annotated[
-    Any, typer.Option("--entrants", parser=_names, metavar="NAME,...", help="Entrants. [dim]all of the project[/]")
-]
-Budgets = Annotated[Any, typer.Option("--strokes", parser=_numbers, metavar="N,...", help="Budgets in strokes.")]
-Seeds = Annotated[
-    Any, typer.Option("--seeds", parser=_numbers, metavar="N,...", help="Seeds of the studio. [dim]11,12,13,14,15[/]")
-]
-HandIns = Annotated[
-    list[Any] | None,
-    typer.Option(
-        "--hand-in", parser=_handed, metavar="NAME=FOLDER",
-        help="An entrant that hands in strokes, as cat-100.svg in a folder. May be repeated.",
-    ),
-]  # fmt: skip
 
 
 def register(app: typer.Typer) -> None:
@@ -74,11 +59,8 @@ def register(app: typer.Typer) -> None:
         help="Compare painters on a frozen suite, and judge strokes that other systems hand in.",
     )
     group.command("list")(list_suite)
-    group.command("pictures")(pictures)
-    group.command("judge")(judge)
-    group.command("cell")(cell)
-    group.command("table")(table)
-    group.command("page")(page)
+    for command in (pictures, judge, cell, table, page):
+        group.command(command.__name__)(command)
     app.add_typer(group, name="benchmark")
 
 
@@ -120,17 +102,16 @@ def pictures(
 
 def judge(
     strokes: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The strokes: .svg, .csv or a plan.json.", show_default=False)
+        Path, typer.Argument(metavar="FILE", help="The strokes: .csv or a plan.json.", show_default=False)
     ],
     picture: Goal,
-    budget: Annotated[int, typer.Option("--strokes", parser=_budget, metavar="N", help="The budget.")] = 100,
+    budget: Strokes = 100,
     name: Annotated[str, typer.Option(help="The name of the entrant.")] = "handed in",
     seed: Seed = 11,
-    cpu_seconds: Seconds = None,
     out: Out = _DEFAULT_OUT,
 ) -> None:
     """Paint strokes of another system in the virtual studio, and judge the painting."""
-    _paint_one((), picture, budget, seed, out, {name: str(strokes.absolute())}, cpu_seconds)
+    _paint_one(picture, budget, seed, out, hand_ins={name: str(strokes.absolute())})
 
 
 def cell(
@@ -141,18 +122,57 @@ def cell(
     out: Out = _DEFAULT_OUT,
 ) -> None:
     """Paint and judge one cell of the table; takes minutes. A cell that is done is only shown."""
-    _paint_one((entrant,), picture, strokes, seed, out, {}, None)
+    _paint_one(picture, strokes, seed, out, entrants=(entrant,))
+
+
+def _paint_one(
+    picture: str,
+    strokes: int,
+    seed: int,
+    out: Path,
+    entrants: tuple[str, ...] = (),
+    hand_ins: Mapping[str, str] | None = None,
+) -> None:
+    """Paints and judges one cell, and prints its figures."""
+    from frida_painter.devices import prepare_process
+    from frida_painter_lab.benchmark.table import BenchmarkTable
+    from frida_painter_lab.experiment import silent
+
+    prepare_process()
+    asked = BenchmarkTable(
+        folder=out.absolute(), entrants=entrants, goals=(picture,), budgets=(strokes,), seeds=(seed,),
+        hand_ins=hand_ins or {},
+    )  # fmt: skip
+    (run,) = asked.all_runs
+    found = asked.measure_or_load(run, asked.folder, silent)
+    for name, value in found.numbers.items():
+        print(f"  {name:20} {value:.4g}")
+    for remark in found.remarks:
+        print(f"  {remark}")
+    print(f"  Painting  {out / 'runs' / run.key / 'painting.png'}")
 
 
 def table(
     pictures: Pictures = None,
-    entrants: Entrants = None,
-    strokes: Budgets = "100,300,1000",
-    seeds: Seeds = None,
-    hand_in: HandIns = None,
+    entrants: Annotated[
+        Any, typer.Option(parser=_names, metavar="NAME,...", help="Entrants. [dim]all of the project[/]")
+    ] = None,
+    strokes: Annotated[
+        Any, typer.Option(parser=_numbers, metavar="N,...", help="Budgets in strokes.")
+    ] = "100,300,1000",
+    seeds: Annotated[
+        Any, typer.Option(parser=_numbers, metavar="N,...", help="Seeds of the studio. [dim]11,12,13,14,15[/]")
+    ] = None,
+    hand_in: Annotated[
+        list[Any] | None,
+        typer.Option(
+            parser=_handed, metavar="NAME=FOLDER",
+            help="An entrant that hands in strokes, as cat-100.csv in a folder. May be repeated.",
+        ),
+    ] = None,
     out: Out = _DEFAULT_OUT,
     jobs: Jobs = None,
-) -> None:
+) -> None:  # fmt: skip
     """Paint and judge all cells that are not done, in several processes; write table and page.
 
     After an interruption, or with more pictures, entrants or seeds, run the same command again.
@@ -164,15 +184,12 @@ def table(
     folders = {name: folder.absolute() for name, folder in hand_in or ()}
     for folder in folders.values():
         if not folder.is_dir():
-            raise ConfigError(f"{folder} is no folder of hand-ins; it holds files such as cat-100.svg.")
+            raise ConfigError(f"{folder} is no folder of hand-ins; it holds files such as cat-100.csv.")
     asked = BenchmarkTable(
-        folder=out.absolute(),
-        entrants=tuple(entrants or ENTRANTS),
-        goals=tuple(pictures or PICTURES),
-        budgets=tuple(strokes),
-        seeds=tuple(seeds or SEEDS),
+        folder=out.absolute(), entrants=tuple(entrants or ENTRANTS), goals=tuple(pictures or PICTURES),
+        budgets=tuple(strokes), seeds=tuple(seeds or SEEDS),
         hand_ins={name: str(folder) for name, folder in folders.items()},
-    )
+    )  # fmt: skip
     assert asked.all_runs  # whatever is wrong is told before anything is written
     asked.write_request()
     try:
@@ -193,31 +210,3 @@ def page(out: Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder 
     outcome.save(known.folder)
     print("\n".join(one.markdown() for one in outcome.tables))
     print(f"  Page  {write_page(outcome, known.folder)}")
-
-
-def _paint_one(
-    entrants: tuple[str, ...],
-    picture: str,
-    strokes: int,
-    seed: int,
-    out: Path,
-    hand_ins: dict[str, str],
-    cpu_seconds: float | None,
-) -> None:
-    """Paints and judges one cell, and prints its figures."""
-    from frida_painter.devices import prepare_process
-    from frida_painter_lab.benchmark.table import BenchmarkTable
-    from frida_painter_lab.experiment import silent
-
-    prepare_process()
-    asked = BenchmarkTable(
-        folder=out.absolute(), entrants=entrants, goals=(picture,), budgets=(strokes,), seeds=(seed,),
-        hand_ins=hand_ins, cpu_seconds=cpu_seconds,
-    )  # fmt: skip
-    (run,) = asked.all_runs
-    found = asked.measure_or_load(run, asked.folder, silent)
-    for name, value in found.numbers.items():
-        print(f"  {name:20} {value:.4g}")
-    for remark in found.remarks:
-        print(f"  {remark}")
-    print(f"  Painting  {out / 'runs' / run.key / 'painting.png'}")

@@ -23,7 +23,7 @@ from frida_painter.plan import Layer, Plan
 from frida_painter.planning.mixable import make_mixable
 from frida_painter.storage import count_of
 from frida_painter.strokes import StrokeLimits, Strokes
-from frida_painter_lab.benchmark.hand_in import Color, DrawnStroke, HandIn, Points, draw
+from frida_painter_lab.benchmark.hand_in import DrawnStroke, HandIn, Points, draw
 from frida_painter_lab.benchmark.suite import Budget
 from frida_painter_lab.soft_strokes import MarkSizes
 
@@ -93,12 +93,18 @@ def fit_hand_in(
     brushes = find_brushes(drawing.canvas, models)
     for names in _brush_sets(drawing.strokes, brushes):
         chosen = [_choose(stroke.width, [brushes[name] for name in names]) for stroke in drawing.strokes]
-        pieces = list(itertools.islice(_all_pieces(drawing.strokes, chosen), budget.strokes + 1))
+        pairs = enumerate(zip(drawing.strokes, chosen, strict=True))
+        every = itertools.chain.from_iterable(_pieces(number, *pair) for number, pair in pairs)
+        pieces = list(itertools.islice(every, budget.strokes + 1))
         if not pieces:
             raise HandInError("None of the strokes has a length; give each at least two points that differ.")
         whole, pieces = len(pieces) <= budget.strokes, pieces[: budget.strokes]
         color, told = _colors(drawing, pieces)
-        plan, remarks = assemble(pieces, color, brushes, drawing.canvas, drawing.ground, budget.paints, seed)
+        weight = torch.tensor([piece.length * piece.width for piece in pieces])
+        palette, paint, remarks = _palette(color, weight, budget.paints, seed)
+        order, runs = _schedule(pieces, paint)
+        ordered = [pieces[index] for index in order]
+        plan, moved = _as_plan(ordered, runs, brushes, paint[order], palette, drawing)
         if len(plan.layers) <= _MAX_LAYERS:
             break
     painted = pieces[-1].source + 1
@@ -109,32 +115,15 @@ def fit_hand_in(
         )
     elif len(pieces) > len(drawing.strokes):
         told.append(f"{count_of(len(drawing.strokes), 'stroke')} became {len(pieces)} brush strokes.")
-    return plan, (*drawing.remarks, *told, *remarks, *_tell_widths(drawing.strokes[:painted], chosen))
-
-
-def assemble(
-    pieces: Sequence[PathPiece],
-    color: Tensor,
-    brushes: Mapping[str, Brush],
-    canvas: CanvasSize,
-    ground: Color,
-    paints: int,
-    seed: int,
-) -> tuple[Plan, tuple[str, ...]]:
-    """Returns the plan of brush strokes in painting order, and remarks on paints and places that changed.
-
-    color [n, 3]: wanted sRGB of each
-    paints: greatest number of paints
-    """
-    weight = torch.tensor([piece.length * piece.width for piece in pieces])
-    palette, paint, remarks = _palette(color, weight, paints, seed)
-    order, runs = _schedule(pieces, paint)
-    plan, moved = _as_plan([pieces[index] for index in order], runs, brushes, paint[order], palette, canvas, ground)
+    told += remarks
     if moved:
-        remarks.append(
-            f"{count_of(moved, 'brush stroke')} moved by more than {_MOVED * 1000:g} mm to lie on the canvas."
-        )
-    return plan, tuple(remarks)
+        told.append(f"{count_of(moved, 'brush stroke')} moved by more than {_MOVED * 1000:g} mm to lie on the canvas.")
+    fitted = list(zip(drawing.strokes[:painted], chosen, strict=False))
+    if thin := sum(stroke.width * _NARROW < brush.sizes.width[0] for stroke, brush in fitted):
+        told.append(f"{count_of(thin, 'stroke')} thinner than any mark of the brushes got the thinnest.")
+    if wide := sum(stroke.width > (1 + _OVERHANG) * brush.sizes.width[-1] for stroke, brush in fitted):
+        told.append(f"{count_of(wide, 'stroke')} wider than any mark became lanes, side by side.")
+    return plan, tuple(told)
 
 
 def _within_budget(plan: Plan, budget: Budget) -> tuple[Plan, tuple[str, ...]]:
@@ -178,12 +167,6 @@ def _choose(width: float, brushes: Sequence[Brush]) -> Brush:
         return round(brush.width_error(width), 3), abs(press - 0.5)
 
     return min(brushes, key=cost)
-
-
-def _all_pieces(strokes: Sequence[DrawnStroke], chosen: Sequence[Brush]) -> "itertools.chain[PathPiece]":
-    return itertools.chain.from_iterable(
-        _pieces(number, stroke, brush) for number, (stroke, brush) in enumerate(zip(strokes, chosen, strict=True))
-    )
 
 
 def _pieces(number: int, stroke: DrawnStroke, brush: Brush) -> Iterator[PathPiece]:
@@ -268,7 +251,7 @@ def _colors(drawing: HandIn, pieces: Sequence[PathPiece]) -> tuple[Tensor, list[
     if all(stroke.opacity == 1 for stroke in strokes):
         return torch.tensor([stroke.color for stroke in strokes])[source], []
     columns = round(_ROWS * drawing.canvas.width / drawing.canvas.height)
-    shown = draw(HandIn(drawing.canvas, "", strokes, drawing.ground), _ROWS, columns)[1]
+    shown = draw(HandIn(drawing.canvas, strokes, drawing.ground), _ROWS, columns)[1]
     return torch.from_numpy(shown)[source], ["Paint is opaque: transparent strokes got the colours that they show."]
 
 
@@ -338,38 +321,24 @@ def _bounds(piece: PathPiece) -> NDArray[np.float64]:
     return np.concatenate((points.min(0) - piece.width / 2, points.max(0) + piece.width / 2))
 
 
-def _tell_widths(strokes: Sequence[DrawnStroke], chosen: Sequence[Brush]) -> list[str]:
-    """Returns remarks about widths that the brushes do not have."""
-    pairs = list(zip(strokes, chosen, strict=False))
-    thin = sum(stroke.width * _NARROW < brush.sizes.width[0] for stroke, brush in pairs)
-    wide = sum(stroke.width > (1 + _OVERHANG) * brush.sizes.width[-1] for stroke, brush in pairs)
-    return [
-        *([f"{count_of(thin, 'stroke')} thinner than any mark of the brushes got the thinnest."] if thin else []),
-        *([f"{count_of(wide, 'stroke')} wider than any mark became lanes, side by side."] if wide else []),
-    ]
-
-
 def _as_plan(
     pieces: Sequence[PathPiece],
     runs: Sequence[tuple[str, int]],
     brushes: Mapping[str, Brush],
     paint: Tensor,
     palette: Palette,
-    canvas: CanvasSize,
-    ground: Color,
+    drawing: HandIn,
 ) -> tuple[Plan, int]:
     """Returns the plan of the pieces in this order, and the number of pieces that had to move."""
-    column = {name: torch.tensor([getattr(piece, name) for piece in pieces]).float() for name in _NUMBERS}
+    numbers = ("angle", "length", "bend", "thickness")
+    column = {name: torch.tensor([getattr(piece, name) for piece in pieces]).float() for name in numbers}
     position = torch.from_numpy(np.stack([piece.start for piece in pieces])).float()
     wanted = Strokes(position, **column, color=palette.color[paint], taught=None)
     parts, at = list[Strokes](), 0
     for brush, count in runs:
-        parts.append(wanted[at : at + count].project(brushes[brush].limits, canvas))
+        parts.append(wanted[at : at + count].project(brushes[brush].limits, drawing.canvas))
         at += count
     fitted = Strokes.join(*parts)
     moved = int(((fitted.position - wanted.position).norm(dim=1) > _MOVED).sum())
     layers = tuple(Layer(count, brush, brushes[brush].limits, (0, len(palette))) for brush, count in runs)
-    return Plan(fitted, palette, paint, canvas, layers, ground), moved
-
-
-_NUMBERS = ("angle", "length", "bend", "thickness")
+    return Plan(fitted, palette, paint, drawing.canvas, layers, drawing.ground), moved

@@ -106,17 +106,15 @@ class BenchmarkGoal:
     """Goal of a cell of the table.
 
     name: of a picture of the suite, of a held-out picture ("cat~7"), of a combined goal, or of a file
-    category: of the picture, "held out", "goal" or "own picture"
     items: goal in the form of a goal file, with paths
     canvas: size of the canvas, fixed by the suite
     picture: sRGB [3, H, W] that the painting is compared with; None for a combined goal
     """
 
     name: str
-    category: str
     items: tuple[Mapping[str, Any], ...]
     canvas: CanvasSize
-    picture: Tensor | None
+    picture: Tensor | None = None
 
 
 def suite_digest() -> str:
@@ -143,27 +141,41 @@ def find_goal(name: str, folder: Path) -> BenchmarkGoal:
 
     Raises ConfigError for an unknown name and for a picture of the suite that was edited; ImageError.
     """
-    if name in _PICTURES:
-        return _of_picture(name, _PICTURES[name][0], _file_of(name))
-    if name in GOALS:
-        return _of_goal(name)
     source, tilde, seed = name.partition("~")
-    if tilde and source in _PICTURES:
+    if name in GOALS:
+        items = tuple(
+            {kind: str(_file_of(value)) if value in _PICTURES else value for kind, value in item.items()}
+            for item in GOALS[name]
+        )
+        return BenchmarkGoal(name, items, CanvasSize(_LONG, _SHORT))
+    if name in _PICTURES:
+        path = _file_of(name)
+    elif tilde and source in _PICTURES:
         if re.fullmatch(r"[0-9]{1,10}", seed) is None or not 0 <= int(seed) <= MAX_HELD_OUT_SEED:
             raise ConfigError(
                 f"The held-out picture {name[:60]!r} has no seed; write {source}~ and a whole number from 0 to "
                 f"{MAX_HELD_OUT_SEED}, such as {source}~7."
             )
-        path = folder / f"{source}-{int(seed)}.png"
+        name, path = f"{source}~{int(seed)}", folder / f"{source}-{int(seed)}.png"
         if not path.exists():
             images.save(held_out_picture(source, int(seed)), path)
-        return _of_picture(f"{source}~{int(seed)}", "held out", path)
-    if Path(name).suffix and Path(name).is_file():
-        return _of_picture(Path(name).stem, "own picture", Path(name))
-    raise ConfigError(
-        f"{name[:60]!r} is neither a picture nor a goal of the suite {VERSION}; there are {', '.join(PICTURES)}, "
-        f"{', '.join(GOALS)}, held-out pictures such as cat~7, and picture files."
-    )
+    elif Path(name).suffix and Path(name).is_file():
+        name, path = Path(name).stem, Path(name)
+    else:
+        raise ConfigError(
+            f"{name[:60]!r} is neither a picture nor a goal of the suite {VERSION}; there are {', '.join(PICTURES)}, "
+            f"{', '.join(GOALS)}, held-out pictures such as cat~7, and picture files."
+        )
+    picture = images.load(path, longest=1024)
+    rows, columns = picture.shape[1:]
+    ratio = min(rows, columns) / max(rows, columns)
+    if not ratio >= 0.25:
+        raise ConfigError(
+            f"The picture has {columns} x {rows} pixels; its longer side is at most four times the shorter one."
+        )
+    short = round(_LONG * ratio, 3)  # in its own proportions
+    canvas = CanvasSize(_LONG, short) if columns >= rows else CanvasSize(short, _LONG)
+    return BenchmarkGoal(name, ({"image": str(path)},), canvas, picture)
 
 
 def held_out_picture(name: str, seed: int) -> Tensor:
@@ -199,28 +211,3 @@ def _file_of(name: str) -> Path:
             "frida-painter anew."
         )
     return path
-
-
-def _of_picture(name: str, category: str, path: Path) -> BenchmarkGoal:
-    picture = images.load(path, longest=1024)
-    return BenchmarkGoal(name, category, ({"image": str(path)},), _canvas(picture), picture)
-
-
-def _of_goal(name: str) -> BenchmarkGoal:
-    items = [
-        {kind: str(_file_of(value)) if value in _PICTURES else value for kind, value in item.items()}
-        for item in GOALS[name]
-    ]
-    return BenchmarkGoal(name, "goal", tuple(items), CanvasSize(_LONG, _SHORT), None)
-
-
-def _canvas(picture: Tensor) -> CanvasSize:
-    """Returns the canvas of a picture [3, H, W]: 280 mm on its longer side, in its own proportions."""
-    rows, columns = picture.shape[1:]
-    ratio = min(rows, columns) / max(rows, columns)
-    if not ratio >= 0.25:
-        raise ConfigError(
-            f"The picture has {columns} x {rows} pixels; its longer side is at most four times the shorter one."
-        )
-    short = round(_LONG * ratio, 3)
-    return CanvasSize(_LONG, short) if columns >= rows else CanvasSize(short, _LONG)

@@ -1,11 +1,13 @@
 """The table of the benchmark: an experiment whose runs are cells, each one painting by one entrant.
 
 An entrant paints one goal within one budget in the virtual studio of one seed. Every painting is made by the same loop
-on the same easel. Only `ours` looks while it paints; all others hand in a plan.
+on the same easel. Only `ours` looks while it paints; all others hand in a plan. The judges see the true canvas of the
+studio, from the front and in even light, at the size of the photograph.
 """
 
+import math
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -13,35 +15,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from torch import Tensor
 
-from frida_painter import images, storage
+from frida_painter import images, storage, weights
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError, HandInError, StorageError
+from frida_painter.errors import ConfigError, HandInError
+from frida_painter.objectives.encoders.base import Seer
+from frida_painter.objectives.encoders.classifiers import EfficientNetLite
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.plan import Plan
+from frida_painter.palette import Palette, to_lab
+from frida_painter.plan import WHITE, Plan
+from frida_painter.planning.initialize import uniform
+from frida_painter.planning.mixable import make_mixable
+from frida_painter.planning.optimize import Adam
+from frida_painter.render import render
 from frida_painter.report.page import template
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Dipped, Event, Planned, PlanningStep, StrokePainted
-from frida_painter_lab.benchmark import judges
 from frida_painter_lab.benchmark.fitting import fit_hand_in
 from frida_painter_lab.benchmark.hand_in import MAX_BYTES, TOLERANCE, HandIn, read_csv
-from frida_painter_lab.benchmark.judges import (
-    CPU,
-    DIPS,
-    FORECAST,
-    LEFT,
-    MEASURES,
-    MINUTES,
-    MORE_IS_BETTER,
-    PAINTS,
-    PSNR,
-    STROKES,
-    Judges,
-)
-from frida_painter_lab.benchmark.rivals import GREEDY_BRUSHES, PLAIN_BRUSH, plan_greedy, plan_hertzmann, plan_plain
 from frida_painter_lab.benchmark.suite import VERSION, BenchmarkGoal, Budget, find_budget, find_goal, suite_digest
 from frida_painter_lab.experiment import (
     Experiment,
@@ -54,20 +49,88 @@ from frida_painter_lab.experiment import (
     Row,
     format_value,
 )
+from frida_painter_lab.measures import feature_distance, psnr, ssim
 from frida_painter_lab.paintings import StudioWithout
 from frida_painter_lab.runs import Labels, Run, Value
-from frida_painter_lab.sweeps.report import Mean, Result, paired_tests
+from frida_painter_lab.statistics import Mean, Result, paired_tests
 from frida_painter_lab.sweeps.runner import fix_to_plan
 
 INPUTS = "inputs"
 """Folder of the files of held-out pictures, in the folder of a table."""
 REQUEST, PAGE = "benchmark.json", "index.html"
 _FORMAT = "frida-painter benchmark"
-_HAND_INS = (".svg", ".csv", ".json", "")
-_CPU = "cpu-seconds.toml"
-"""File in a folder of hand-ins: seconds of the processor by the name of a hand-in, as its author measured them."""
-_MAX_CPU = 2**20  # bytes
+_HAND_INS = (".csv", ".json", "")
 MAX_CELLS = 100_000
+
+PSNR, PERCEPTUAL = "PSNR, dB", "perceptual distance"
+MORE_IS_BETTER = {PSNR: True, "SSIM": True, PERCEPTUAL: False, "goal left": False, "forecast, dB": True}
+"""Names of the figures by which entrants are compared."""
+MEASURES = (*MORE_IS_BETTER, "robot minutes", "dips", "CPU s", "strokes", "paints")
+"""Names of all figures, in the order of tables."""
+JUDGE_NETWORK = "efficientnet-lite1"
+"""Network of the perceptual distance (Apache-2.0); no planner of this project uses it."""
+_SIDE = 240  # pixels of its views
+
+# The plain algorithm of FRIDA (Schaldenbrand et al., ICRA 2023). Numbers of iterations, paints and rates are those of
+# the published program (github.com/cmubig/Frida, options.py and painting.py, f42fa61); its rates for Adam are the ones
+# it has in a comment.
+
+PLAIN_BRUSH = "medium"
+_ITERATIONS = 400
+_RATES = {"position": 5e-3, "angle": 1e-2, "color": 5e-3, "bend": 3e-3, "length": 1e-2, "thickness": 1e-2}
+"""Step of each parameter: positions as shares of half the canvas, angles in radians, lengths and bends in metres."""
+_SHUFFLED = 0.3  # share of the iterations in which every third one shuffles the strokes
+_DISCRETE, _ALWAYS = 0.5, 0.9  # shares from which every tenth iteration, and every one, uses a few paints
+
+
+def plan_plain(run: PaintingRun, target: Tensor, budget: Budget) -> Plan:
+    """Returns the plan of the plain algorithm for a photograph [3, H, W], with the brush `PLAIN_BRUSH`.
+
+    Strokes are sampled uniformly and optimised together by Adam towards the mean squared difference. They are sorted
+    from light to dark after every iteration, and their colours become the means of clusters, more often towards the
+    end.
+    """
+    planner = run.planner
+    model, size = planner.models[PLAIN_BRUSH], planner.size
+    limits, generator = model.limits.within(size), torch.Generator().manual_seed(planner.seed)
+    rows, columns = planner.fine.rows, planner.fine.columns
+    wanted, bare = images.fit(target, rows, columns), torch.ones(3, rows, columns)
+    strokes = uniform(budget.strokes, limits, size, generator)
+    strokes = strokes.with_groups(color=0.3 + 0.4 * strokes.color)
+    scale = {name: torch.tensor(rate) for name, rate in _RATES.items()}
+    scale["position"] = scale["position"] * torch.tensor([size.width, size.height]) / 2
+    leaves = {name: (values / scale[name]).detach().requires_grad_() for name, values in strokes.arrays().items()}
+    optimizers = Adam(list(leaves.values()), (0.9, 0.999))
+    order = torch.arange(budget.strokes)
+    for iteration in range(_ITERATIONS):
+        optimizers.forget_gradients()
+        current = strokes.with_groups(taught=None, **{name: leaf * scale[name] for name, leaf in leaves.items()})
+        loss = (render(current[order], model, bare, size) - wanted).square().mean()
+        torch.autograd.backward(loss)
+        optimizers.step(1 - 2 * abs(iteration / _ITERATIONS - 0.5) + 0.005)
+        with torch.no_grad():
+            strokes = strokes.with_groups(taught=None, **{name: leaf * scale[name] for name, leaf in leaves.items()})
+            strokes = strokes.project(limits, size)
+            share = iteration / _ITERATIONS
+            if (iteration % 10 == 0 and share > _DISCRETE) or share > _ALWAYS:
+                palette = Palette.cluster(strokes.color, torch.ones(len(strokes)), budget.paints, planner.seed)
+                strokes = strokes.with_groups(color=palette.color[palette.nearest(strokes.color)])
+            for name, leaf in leaves.items():
+                leaf.copy_(getattr(strokes, name) / scale[name])
+            order = torch.argsort(to_lab(strokes.color)[:, 0], descending=True, stable=True)
+            if share < _SHUFFLED and iteration % 3 == 0:
+                order = torch.randperm(len(order), generator=generator)
+    palette = Palette.cluster(strokes.color, torch.ones(len(strokes)), budget.paints, planner.seed)
+    paint = palette.nearest(strokes.color)
+    if planner.paints is not None:
+        uses = torch.bincount(paint, minlength=len(palette)).float()
+        mixable = make_mixable(palette.color, uses, planner.paints, 1.0)
+        palette = Palette.sort_light_to_dark(mixable.color[torch.unique(mixable.number[paint])])
+        paint = palette.nearest(mixable.color[mixable.number[paint]])
+    order = torch.argsort(paint, stable=True)
+    return Plan.of(
+        strokes[order].detach(), palette, paint[order], canvas=size, brush=PLAIN_BRUSH, limits=limits, ground=WHITE
+    )
 
 
 @dataclass(frozen=True)
@@ -75,14 +138,12 @@ class Entrant:
     """Painter of the project that can be entered by name.
 
     words: what it is
-    brushes: brushes of its plan; None for those that the project chooses
-    make: makes its plan on a white canvas; None for the project's planner
+    make: makes its plan for a photograph on a white canvas; None for the project's planner
     looks: number of looks with a replan; None for the project's default
     """
 
     name: str
     words: str
-    brushes: str | None = None
     make: Callable[[PaintingRun, Tensor, Budget], Plan] | None = None
     looks: int | None = 0
 
@@ -92,21 +153,9 @@ ENTRANTS: Mapping[str, Entrant] = {
     for each in (
         Entrant("ours", "the planner of this project, with its looks and replans", looks=None),
         Entrant("ours-blind", "its first plan, painted without a look"),
-        Entrant(
-            "plain", "the paper's plain algorithm: random strokes, Adam, one layer",
-            PLAIN_BRUSH, plan_plain,
-        ),
-        Entrant(
-            "greedy", "each stroke the best of 64 random ones",
-            ",".join(GREEDY_BRUSHES), plan_greedy,
-        ),
-        Entrant(
-            "hertzmann", "Hertzmann 1998: curved strokes of three sizes",
-            ",".join(GREEDY_BRUSHES),
-            lambda run, target, budget: plan_hertzmann(run.spec.canvas, target, budget, run.spec.seed),
-        ),
+        Entrant("plain", "the paper's plain algorithm: random strokes, Adam, one layer", plan_plain),
     )
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,12 +164,30 @@ class CellRun(Run):
 
     goal: what is painted
     hand_in: file of the strokes; None for an entrant of this project
-    cpu_seconds: time of the processor that the entrant says it took; None if unknown
     """
 
     goal: BenchmarkGoal
     hand_in: Path | None = None
-    cpu_seconds: float | None = None
+
+    @classmethod
+    def of(cls, entrant: str, goal: BenchmarkGoal, strokes: int, seed: int, hand_in: Path | None = None) -> "CellRun":
+        """Returns a cell, which depends on the suite, the judges, and the content of its goal and of its hand-in.
+
+        Raises ConfigError if the hand-in cannot be read.
+        """
+        paths = [value for item in goal.items for value in item.values() if isinstance(value, str)]
+        facts = {
+            "suite": suite_digest(),
+            "goal": [storage.sha256(Path(one), "a goal") if Path(one).is_file() else one for one in paths],
+            "hand-in": None,
+            "perceptual": weights.find(JUDGE_NETWORK) is not None,
+        }
+        if hand_in is not None and (hand_in.is_dir() or hand_in.suffix == ".json"):
+            facts["hand-in"] = Plan.load(hand_in).digest
+        elif hand_in is not None:
+            facts["hand-in"] = storage.sha256(hand_in, "a hand-in", ConfigError)
+        labels: Labels = {"entrant": entrant, "goal": goal.name, "strokes": strokes, "seed": seed}
+        return cls(labels, facts, goal=goal, hand_in=hand_in)
 
     @property
     def entrant(self) -> Entrant | None:
@@ -128,26 +195,18 @@ class CellRun(Run):
         return ENTRANTS[self["entrant"]] if self.hand_in is None else None
 
     @property
-    def budget(self) -> Budget:
-        """Budget. Raises ConfigError."""
-        return find_budget(int(self["strokes"]))
-
-    @property
     def spec(self) -> RunSpec:
         """Description of the painting."""
-        entrant, budget = self.entrant, self.budget
+        entrant, budget = self.entrant, find_budget(int(self["strokes"]))
         fields: dict[str, Any] = {
             "goal": [dict(item) for item in self.goal.items], "canvas": self.goal.canvas, "fit": "crop",
             "strokes": budget.strokes, "colors": budget.paints, "new_paints": False, "seed": int(self["seed"]),
             "film": False,
         }  # fmt: skip
         if entrant is None or entrant.make is not None:
-            fields |= {"ground": "white", "brushes": "medium" if entrant is None else entrant.brushes}
-        if entrant is None or entrant.looks is not None:
-            fields["replans"] = 0
-        if entrant is not None and entrant.make is None:
-            fields["minutes"] = budget.minutes
-        return RunSpec.of(**fields)
+            return RunSpec.of(**fields, ground="white", brushes=PLAIN_BRUSH, replans=0)
+        looks = {} if entrant.looks is None else {"replans": entrant.looks}
+        return RunSpec.of(**fields, minutes=budget.minutes, **looks)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +219,6 @@ class BenchmarkTable(Experiment):
     budgets: by their numbers of strokes
     seeds: of the virtual studio, and of the entrants of this project
     hand_ins: folders of strokes, or one file, by the name of their entrant; see `find_hand_in`
-    cpu_seconds: time of the processor for a hand-in that is one file; None if unknown
     """
 
     NAME = "benchmark"
@@ -172,26 +230,9 @@ class BenchmarkTable(Experiment):
     budgets: tuple[int, ...]
     seeds: tuple[int, ...]
     hand_ins: Mapping[str, str] = field(default_factory=dict)
-    cpu_seconds: float | None = None
 
     def runs(self) -> Sequence[CellRun]:
         """Returns all cells. Raises ConfigError for an unknown entrant, goal, budget or seed, or if there are none."""
-        self._require_known()
-        goals = {name: find_goal(name, self.folder / INPUTS) for name in self.goals}
-        cells = product(goals.values(), self.budgets, self.seeds)
-        found = [_cell(entrant, *cell) for entrant, cell in product(self.entrants, cells)]
-        for name, place in self.hand_ins.items():
-            known = _cpu_seconds(Path(place)) if Path(place).is_dir() else {}
-            for goal, strokes, seed in product(goals.values(), self.budgets, self.seeds):
-                file = find_hand_in(Path(place), goal.name, strokes, seed)
-                if file is not None:
-                    seconds = known.get(file.name, self.cpu_seconds)
-                    found.append(_cell(name, goal, strokes, seed, file, seconds))
-        if not 1 <= len(found) <= MAX_CELLS:
-            raise ConfigError(f"The table has {len(found)} cells; it has from 1 to {MAX_CELLS:,}.")
-        return found
-
-    def _require_known(self) -> None:
         for name in self.entrants:
             if name not in ENTRANTS:
                 raise ConfigError(
@@ -204,33 +245,30 @@ class BenchmarkTable(Experiment):
         for seed in self.seeds:
             if not 0 <= seed < 2**31:
                 raise ConfigError(f"The seed {seed} was given; it is from 0 to {2**31 - 1}.")
-        for strokes in self.budgets:
-            find_budget(strokes)
-
-    def measure_or_load(self, run: Run, keep: Path | None, notify: Notify) -> Measurement:
-        """Returns the figures of a cell; a painting that is kept is judged by a network that was fetched later."""
-        measured = super().measure_or_load(run, keep, notify)
-        assert isinstance(run, CellRun)
-        if run.goal.picture is not None and judges.lacks_network(measured.numbers):
-            judged = self._judges.of_picture(measured.pictures["painting"], run.goal.picture)
-            measured = replace(measured, numbers={**measured.numbers, **judged})
-            if keep is not None:
-                self.keep(run, keep, measured)
-        return measured
+        goals = [find_goal(name, self.folder / INPUTS) for name in self.goals]
+        cells = [(goal, find_budget(strokes).strokes, seed) for goal, strokes, seed in
+                 product(goals, self.budgets, self.seeds)]  # fmt: skip
+        found = [CellRun.of(entrant, *cell) for entrant in self.entrants for cell in cells]
+        for name, place in self.hand_ins.items():
+            for goal, strokes, seed in cells:
+                file = find_hand_in(Path(place), goal.name, strokes, seed)
+                if file is not None:
+                    found.append(CellRun.of(name, goal, strokes, seed, file))
+        if not 1 <= len(found) <= MAX_CELLS:
+            raise ConfigError(f"The table has {len(found)} cells; it has from 1 to {MAX_CELLS:,}.")
+        return found
 
     @cached_property
-    def _judges(self) -> Judges:
-        return Judges.open()
+    def _seer(self) -> Seer | None:
+        """Network of the perceptual distance; None if its weights were not fetched."""
+        return None if weights.find(JUDGE_NETWORK) is None else EfficientNetLite(weights.tensors(JUDGE_NETWORK))
 
     def measure(self, run: Run, notify: Notify) -> Measurement:
         """Paints and judges a cell. Raises the errors of reading, planning and painting."""
         assert isinstance(run, CellRun)
         notify(Progress(0.0, run.words))
-        goal, entrant, budget, encoders = run.goal, run.entrant, run.budget, EncoderRegistry()
-        if goal.picture is None and entrant is not None and entrant.make is not None:
-            raise ConfigError(
-                f"{entrant.name} paints photographs alone, and {goal.name} is a combined goal; leave it out."
-            )
+        goal, entrant, spec, encoders = run.goal, run.entrant, run.spec, EncoderRegistry()
+        budget = find_budget(int(run["strokes"]))
         remarks: Sequence[str] = ()
         first = foretold = None
         if run.hand_in is not None:
@@ -238,9 +276,12 @@ class BenchmarkTable(Experiment):
             first, remarks = fit_hand_in(drawing, budget, int(run["seed"]))
             if drawing.strokes and goal.picture is not None:
                 foretold = drawing.picture(*goal.picture.shape[1:])
-        began, spec = time.process_time(), run.spec
+        began = time.process_time()
         if entrant is not None and entrant.make is not None:
-            assert goal.picture is not None
+            if goal.picture is None:
+                raise ConfigError(
+                    f"{entrant.name} paints photographs alone, and {goal.name} is a combined goal; leave it out."
+                )
             with PaintingRun(spec, encoders=encoders) as opened:
                 first = entrant.make(opened, goal.picture, budget)
         meter, studio = _Meter(budget), StudioWithout()
@@ -253,34 +294,38 @@ class BenchmarkTable(Experiment):
             meter.run = opened
             painting = opened.simulate(plan, studio.open)
             truth = studio.truth(expected.shape[1] if goal.picture is None else goal.picture.shape[1])
-            figures: dict[str, float] = {}
             if goal.picture is None:
                 bare = opened.planner.validation_loss(opened.planner.bare)
                 left = opened.planner.validation_loss(images.fit(truth, *expected.shape[1:]))
-                figures[LEFT] = left / max(bare, 1e-12)
+                figures = {"goal left": left / max(bare, 1e-12)}
             else:
-                figures |= self._judges.of_picture(truth, goal.picture)
+                seen = images.resize_by_area(truth, *goal.picture.shape[1:])
+                figures = {PSNR: psnr(seen, goal.picture), "SSIM": ssim(seen, goal.picture)}
+                if self._seer is not None:
+                    figures[PERCEPTUAL] = feature_distance(self._seer, seen, goal.picture, _SIDE)
         foretold = expected if foretold is None else foretold
         figures |= {
-            FORECAST: judges.forecast_fidelity(foretold, truth),
-            MINUTES: painting.robot_seconds / 60,
-            DIPS: meter.dips,
-            STROKES: painting.painted,
-            PAINTS: len(plan.palette),
+            "forecast, dB": psnr(foretold, images.resize_by_area(truth, *foretold.shape[1:])),
+            "robot minutes": painting.robot_seconds / 60,
+            "dips": meter.dips,
+            "strokes": painting.painted,
+            "paints": len(plan.palette),
         }
-        cpu = planned + meter.replanning if run.hand_in is None else run.cpu_seconds
-        figures |= {} if cpu is None else {CPU: cpu}
-        return Measurement(judges.finite(figures), {"painting": truth, "foretold": foretold}, remarks)
+        if run.hand_in is None:
+            figures["CPU s"] = planned + meter.replanning
+        numbers = {name: float(value) for name, value in figures.items() if math.isfinite(value)}
+        return Measurement(numbers, {"painting": truth, "foretold": foretold}, remarks)
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
         """Returns the suite and all that is combined."""
-        return {
-            "suite": suite_digest()[:12],
-            "entrants": [*self.entrants, *self.hand_ins],
+        entrants = [*self.entrants, *self.hand_ins]
+        asked: dict[str, Sequence[Value]] = {
+            "entrants": entrants,
             "goals": self.goals,
             "budgets": self.budgets,
             "seeds": self.seeds,
         }
+        return {"suite": suite_digest()[:12], **asked}
 
     def tables(self, results: Results) -> Sequence[ResultTable]:
         """Returns the means of each entrant and budget, and the differences from ours."""
@@ -304,12 +349,10 @@ class BenchmarkTable(Experiment):
         sheets: dict[str, list[Cell]] = {}
         for labels, one in results.found:
             if labels["seed"] == self.seeds[0]:
-                told = [
-                    f"{name.split(',')[0]} {one.numbers[name]:.3g}" for name in MORE_IS_BETTER if name in one.numbers
-                ]
-                cell = Cell(one.pictures["painting"], f"{labels['entrant']}: {', '.join(told)}")
+                known = [name for name in MORE_IS_BETTER if name in one.numbers]
+                told = ", ".join(f"{name.split(',')[0]} {one.numbers[name]:.3g}" for name in known)
                 name = f"{labels['goal']}-{labels['strokes']}".replace("~", "-")
-                sheets.setdefault(name, []).append(cell)
+                sheets.setdefault(name, []).append(Cell(one.pictures["painting"], f"{labels['entrant']}: {told}"))
         return {name: page("", (), [FigureRow("", cells)], width=300) for name, cells in sheets.items()}
 
     def write_request(self) -> None:
@@ -320,21 +363,18 @@ class BenchmarkTable(Experiment):
 
 def read_table(folder: Path) -> BenchmarkTable:
     """Returns the table in a folder. Raises ConfigError if there is none, or one of another suite."""
-    kept = storage.read_json(folder / REQUEST, "a table of the benchmark", ConfigError)
+    kept, place = storage.read_json(folder / REQUEST, "a table of the benchmark", ConfigError), storage.abridge(folder)
     if kept.get("format") != _FORMAT:
-        raise ConfigError(f"{storage.abridge(folder)} holds no table of the benchmark; give the folder of one (--out).")
+        raise ConfigError(f"{place} holds no table of the benchmark; give the folder of one (--out).")
     if kept.get("suite") != suite_digest():
         raise ConfigError(
-            f"{storage.abridge(folder)} is a table of another suite; this program has {VERSION}: paint it "
-            "anew in another folder."
+            f"{place} is a table of another suite; this program has {VERSION}: paint it anew in another folder."
         )
-    try:
+    with storage.understanding(folder / REQUEST, "a table of the benchmark", ConfigError):
         asked = kept["request"]
         lists: dict[str, Any] = {name: tuple(asked[name]) for name in ("entrants", "goals", "budgets", "seeds")}
         table = BenchmarkTable(folder=folder.absolute(), hand_ins=dict(asked["hand_ins"]), **lists)
         assert table.all_runs
-    except (KeyError, TypeError, ValueError, AttributeError) as cause:
-        raise ConfigError(f"{storage.abridge(folder / REQUEST)} was edited; paint the table anew.") from cause
     return table
 
 
@@ -351,26 +391,6 @@ def write_page(outcome: Outcome, folder: Path) -> Path:
     )
     storage.write_text(folder / PAGE, html.encode("utf-8", "replace").decode("utf-8"))
     return folder / PAGE
-
-
-def _cell(
-    entrant: str,
-    goal: BenchmarkGoal,
-    strokes: int,
-    seed: int,
-    hand_in: Path | None = None,
-    seconds: float | None = None,
-) -> CellRun:
-    """Returns a cell, which depends on the suite, the content of its goal and of its hand-in."""
-    paths = [value for item in goal.items for value in item.values() if isinstance(value, str)]
-    facts = {
-        "suite": suite_digest(),
-        "goal": [storage.sha256(Path(one), "a goal") if Path(one).is_file() else one for one in paths],
-        "hand-in": None if hand_in is None else _content(hand_in),
-        "CPU s": seconds,
-    }
-    labels: Labels = {"entrant": entrant, "goal": goal.name, "strokes": strokes, "seed": seed}
-    return CellRun(labels, facts, goal=goal, hand_in=hand_in, cpu_seconds=seconds)
 
 
 class _Meter:
@@ -406,17 +426,17 @@ class _Meter:
             return False
         now = session.hand.last_motion
         self._began = now if self._began is None else self._began
-        return (
+        return self.strokes > 0 and (
             self.strokes >= self._budget.strokes
             or self.dips >= self._budget.dips
             or now - self._began >= 60 * self._budget.minutes
-        ) and self.strokes > 0
+        )
 
 
 def find_hand_in(place: Path, goal: str, strokes: int, seed: int) -> Path | None:
-    """Returns the hand-in of a cell in a folder: GOAL-STROKES-SEED.svg, or GOAL-STROKES.svg for all seeds, or None.
+    """Returns the hand-in of a cell in a folder: GOAL-STROKES-SEED.csv, or GOAL-STROKES.csv for all seeds, or None.
 
-    .csv, .json and a folder with a plan.json do as well. "~" in a goal's name is "-" in that of the file. A file, or
+    .json and a folder with a plan.json do as well. "~" in a goal's name is "-" in that of the file. A file, or
     a folder with a plan.json, is itself the hand-in.
     """
     if not place.is_dir() or (place / "plan.json").exists():
@@ -426,52 +446,24 @@ def find_hand_in(place: Path, goal: str, strokes: int, seed: int) -> Path | None
     return next((place / one for one in names if (place / one).exists()), None)
 
 
-def _cpu_seconds(folder: Path) -> dict[str, float]:
-    """Returns the seconds that the author of hand-ins measured, by file. Raises ConfigError."""
-    if not (folder / _CPU).exists():
-        return {}
-    told = storage.read_toml(folder / _CPU, "seconds of hand-ins (TOML)", _MAX_CPU, 'write "cat-100.svg" = 12.5')
-    if not all(type(value) in (int, float) and 0 <= value < 1e9 for value in told.values()):
-        raise ConfigError(f'{_CPU} has a value that is no number of seconds; write "cat-100.svg" = 12.5.')
-    return {str(name): float(value) for name, value in told.items()}
-
-
-def _content(path: Path) -> str:
-    """Returns the hash of a hand-in: of its file, or of the plan in its folder."""
-    if path.is_dir() or path.suffix == ".json":
-        return Plan.load(path).digest
-    try:
-        return storage.sha256(path, "a hand-in")
-    except StorageError as error:
-        raise ConfigError(f"{storage.abridge(path)} cannot be read as a hand-in: {error}") from error
-
-
 def read_hand_in(path: Path, canvas: CanvasSize) -> HandIn:
-    """Reads strokes for a canvas: a plan.json, or its folder, of this project; an SVG; or a CSV file.
+    """Reads strokes for a canvas: a plan.json, or its folder, of this project; or a CSV file.
 
     Raises HandInError that names the stroke or the line, PlanError for a damaged plan, ConfigError for an unknown
     kind of file.
     """
-    kind = "plan" if path.is_dir() else path.suffix.lower()
-    if kind in ("plan", ".json"):
+    kind = ".json" if path.is_dir() else path.suffix.lower()
+    if kind == ".json":
         plan = Plan.load(path)
         if not max(abs(plan.canvas.width - canvas.width), abs(plan.canvas.height - canvas.height)) <= TOLERANCE:
             raise HandInError(
                 f"{storage.abridge(path)} is a plan for a canvas of {plan.canvas}, and this picture is painted on "
                 f"{canvas}; plan it for that canvas."
             )
-        return HandIn(canvas, plan.digest, ground=plan.ground, plan=plan)
-    if kind not in (".svg", ".csv"):
-        raise ConfigError(
-            f"{storage.abridge(path)} is no hand-in; give the plan.json of a painting, an .svg or a .csv file."
-        )
-    with storage.open_checked(path, "a hand-in", MAX_BYTES, HandInError) as file:
-        content = file.read()
-    if kind == ".svg":
-        from frida_painter_lab.benchmark.svg_strokes import read_svg  # needs the extra
-
-        return read_svg(content, path.name, canvas)
-    return read_csv(content, path.name, canvas)
+        return HandIn(canvas, ground=plan.ground, plan=plan)
+    if kind != ".csv":
+        raise ConfigError(f"{storage.abridge(path)} is no hand-in; give the plan.json of a painting, or a .csv file.")
+    return read_csv(storage.read_bytes(path, "a hand-in", MAX_BYTES, HandInError), path.name, canvas)
 
 
 # Statistics: means over the goals, intervals over the seeds, and differences pair by pair.
@@ -482,16 +474,23 @@ def summary_rows(results: Results) -> tuple[Row, ...]:
 
     The interval is that of the seeds' means (Student's t); with one seed there is none. The best by PSNR come first.
     """
-    groups = dict.fromkeys((labels["strokes"], labels["entrant"]) for labels, _ in results.found)
-    rows: list[tuple[tuple[Any, float], Row]] = []
-    for strokes, entrant in groups:
-        mine = [(labels, one.numbers) for labels, one in results.found
-                if (labels["strokes"], labels["entrant"]) == (strokes, entrant)]  # fmt: skip
+    groups: dict[tuple[Any, Any], list[tuple[Value, Mapping[str, float]]]] = {}
+    for labels, one in results.found:
+        groups.setdefault((labels["strokes"], labels["entrant"]), []).append((labels["seed"], one.numbers))
+    rows: list[tuple[Any, float, Row]] = []
+    for (strokes, entrant), mine in groups.items():
         row: dict[str, Value] = {"entrant": entrant, "budget": strokes, "cells": len(mine)}
-        row |= {name: _interval(_by_seed(mine, name)) for name in _measured(results)}
-        best = -float(np.mean([numbers.get(PSNR, 0.0) for _, numbers in mine]))
-        rows.append(((strokes, best), row))
-    return tuple(row for _, row in sorted(rows, key=lambda pair: pair[0]))
+        for name in _measured(results):
+            seeds = dict.fromkeys(seed for seed, numbers in mine if name in numbers)
+            by_seed = [
+                float(np.mean([numbers[name] for own, numbers in mine if own == seed and name in numbers]))
+                for seed in seeds
+            ]
+            mean = Mean.of(by_seed) if by_seed else None
+            interval = f" ± {mean.high - mean.value:.2g}" if mean is not None and mean.count > 1 else ""
+            row[name] = None if mean is None else f"{mean.value:.4g}{interval}"
+        rows.append((strokes, -float(np.mean([numbers.get(PSNR, 0.0) for _, numbers in mine])), row))
+    return tuple(row for *_, row in sorted(rows, key=lambda one: one[:2]))
 
 
 def comparison_rows(results: Results, to: str = "ours") -> tuple[Row, ...]:
@@ -518,19 +517,3 @@ def comparison_rows(results: Results, to: str = "ours") -> tuple[Row, ...]:
 def _measured(results: Results) -> list[str]:
     known = {name for _, one in results.found for name in one.numbers}
     return [name for name in MEASURES if name in known]
-
-
-def _by_seed(cells: Iterable[tuple[Mapping[str, Any], Mapping[str, float]]], name: str) -> list[float]:
-    """Returns the mean of a figure over the goals, for each seed."""
-    values: dict[int, list[float]] = {}
-    for labels, numbers in cells:
-        if name in numbers:
-            values.setdefault(labels["seed"], []).append(numbers[name])
-    return [float(np.mean(of_seed)) for of_seed in values.values()]
-
-
-def _interval(values: Sequence[float]) -> str | None:
-    if not values:
-        return None
-    mean = Mean.of(values)
-    return f"{mean.value:.4g}" if mean.count == 1 else f"{mean.value:.4g} ± {mean.high - mean.value:.2g}"

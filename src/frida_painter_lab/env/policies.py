@@ -1,19 +1,27 @@
 """Policies to compare with: random strokes, the best of some random strokes, and the planner.
 
-A policy is called with an observation and returns the action. `play` paints episodes with one.
+A policy is called with an observation and returns the action. `play` paints episodes with one. For methods of learning
+that take no pictures, wrappers turn observations into one vector.
 """
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Any
 
+import cv2
 import gymnasium
 import numpy as np
 import torch
+from gymnasium import spaces
+from gymnasium.vector import VectorEnv
+from gymnasium.wrappers import TransformObservation
+from gymnasium.wrappers.vector import VectorizeTransformObservation
 from numpy.typing import NDArray
 
 from frida_painter import images
+from frida_painter.errors import ConfigError
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement, displace_strokes
@@ -92,7 +100,8 @@ class PlannerPolicy:
         self, task: PaintingTask, *, every: int = 10, effort: float = 0.5, batch: int | None = None, seed: int = 0
     ) -> None:
         self._task, self._every, self._effort, self._batch, self._seed = task, every, effort, batch, seed
-        self._left = -1
+        self._left, self._painted = -1, list[Plan]()
+        self._plan: Plan
 
     def __call__(self, observation: Observation) -> Action:
         """Returns the next stroke or batch of the plan."""
@@ -163,3 +172,48 @@ def play(env: "gymnasium.Env[Observation, Action]", policy: Policy, seeds: Seque
             gain, ended = gain + float(reward), over or cut
         found.append(Episode(float(info["score"]), gain, int(info["strokes"]), info.get("minutes")))
     return found
+
+
+_MAX_CELLS = 64
+
+
+class VectorObservation(TransformObservation[NDArray[np.float32], Any, Observation]):
+    """Environment whose observation is a vector in [-1, 1].
+
+    cells: the canvas and its difference from the goal are averaged in cells x cells squares
+
+    Its parts: goal minus canvas [cells^2 x 3]; canvas [cells^2 x 3]; the paints [k x 3]; the held paint, one of k + 1;
+    load; shares of the strokes and of the minutes that are left.
+    Raises ConfigError for an environment with other observations.
+    """
+
+    def __init__(self, env: "gymnasium.Env[Observation, Any]", cells: int = 8) -> None:
+        space = env.observation_space
+        if not (isinstance(space, spaces.Dict) and {"canvas", "goal", "paints", "held"} <= set(space.spaces)):
+            raise ConfigError(
+                "The observations of this environment have no canvas and goal; wrap one of frida-painter."
+            )
+        most = min(_MAX_CELLS, *(space["canvas"].shape or (0, 0))[:2])
+        if not (type(cells) is int and 1 <= cells <= most):
+            raise ConfigError(f"{cells!r} cells were asked for; give from 1 to {most}.")
+        self._cells, self._held = cells, int(space["held"].n)  # type: ignore[attr-defined]
+        self._most = {name: float(space[name].high[0]) for name in ("strokes_left", "minutes_left")}  # type: ignore[attr-defined]
+        size = 6 * cells**2 + 3 * (self._held - 1) + self._held + 3
+        super().__init__(env, self._vector, spaces.Box(-1.0, 1.0, (size,), np.float32))
+
+    def _vector(self, observation: Observation) -> NDArray[np.float32]:
+        canvas, goal = (
+            cv2.resize(observation[name], (self._cells, self._cells), interpolation=cv2.INTER_AREA) / 255
+            for name in ("canvas", "goal")
+        )
+        held = np.eye(self._held)[int(observation["held"])]
+        left = [observation[name][0] / most for name, most in self._most.items()]
+        parts = (goal - canvas, canvas, observation["paints"], held, observation["load"], left)
+        return np.concatenate([np.asarray(part, np.float32).ravel() for part in parts])
+
+
+class VectorObservations(VectorizeTransformObservation[Any, Any, Any, Any]):
+    """Vector environment whose observations are vectors [n, numbers], as of VectorObservation."""
+
+    def __init__(self, env: VectorEnv[Any, Any, Any], cells: int = 8) -> None:
+        super().__init__(env, VectorObservation, cells=cells)

@@ -126,9 +126,9 @@ class PaintingTask:
                 f"are {grid.columns} x {grid.rows}; give more rows, or take another judge."
             )
         if goal is None:
-            goal = [Path(targets.__file__).with_name(f"{name}.jpg") for name in targets.SHIPPED]
-        single = isinstance(goal, str | Path | Tensor | np.ndarray)
-        goals = [_fit(one, grid) for one in ([goal] if single else goal)]
+            goal = [target.picture for target in targets.load_shipped_targets()]
+        pictures = [goal] if isinstance(goal, str | Path | Tensor | np.ndarray) else list(goal)
+        goals = [_fit(one, grid) for one in pictures]
         if not goals:
             raise ConfigError("No goal was given; give a picture, or leave it out for photographs of the project.")
         palettes = torch.stack([_palette(paints, images.from_uint8(one)) for one in goals])

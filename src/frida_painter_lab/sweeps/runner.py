@@ -14,14 +14,14 @@ from frida_painter import images
 from frida_painter.errors import ConfigError, PlanError, WorkerUnfit
 from frida_painter.plan import Plan
 from frida_painter.provenance import describe_here, identify
-from frida_painter.runs.painting_folder import content_hash, hash_files
+from frida_painter.runs.painting_folder import content_hash
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
 from frida_painter.runs.spec import RunSpec
+from frida_painter_lab.engine import TaskLimits, slots_here
 from frida_painter_lab.experiment import Notify, Share, do_shares, silent
 from frida_painter_lab.measures import mse, psnr
 from frida_painter_lab.runs import RunFolder
-from frida_painter_lab.sweeps.engine import TaskLimits, slots_here
 from frida_painter_lab.sweeps.report import SweepState, fold, keep_table
 from frida_painter_lab.sweeps.sweep_folder import SweepFolder
 from frida_painter_lab.sweeps.sweep_spec import FileHashes, SweepRun, SweepSpec, expand_runs
@@ -67,15 +67,9 @@ def perform(share: Share) -> dict[str, Any]:
             },
             "versions": made_with,
             "host": platform.node(),
-            "files": hash_run(folder.path),
         }
         folder.keep(record)
         return record
-
-
-def hash_run(folder: Path) -> dict[str, str]:
-    """Returns the hashes of the plan and the pictures of a run by their names."""
-    return {name: found for name, found in hash_files(folder).items() if name != "result.json"}
 
 
 def fix_to_plan(spec: RunSpec, plan: Plan) -> RunSpec:

@@ -21,7 +21,7 @@ from frida_painter.provenance import identify_here
 from frida_painter.runs.painting_folder import content_hash
 from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import FILES, RunSpec
-from frida_painter_lab.runs import Run, Value, content_key
+from frida_painter_lab.runs import Run, Value, content_key, goal_facts
 
 PLAN = "plan"
 """Field of evaluations only: the file of the plan to paint."""
@@ -198,7 +198,7 @@ class SweepRun(Run):
     files: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
-    def key(self) -> str:  # type: ignore[override]
+    def key(self) -> str:
         """Hash of everything that determines the result. Labels do not count: other sweeps have other ones."""
         return content_key(self.program, self.kind, self.depends_on)
 
@@ -235,17 +235,6 @@ class SweepRun(Run):
             program=identify_here() if program is None else program,
             files={str(path): hash_of(path) for path in (*pictures, *files.values())},
         )
-
-
-def goal_facts(spec: RunSpec, hash_of: Callable[[Path], str]) -> dict[str, list[list[Value]]]:
-    """Returns a goal and what it begins with, each part as its kind, its content (words, or a hash) and its weight."""
-    return {
-        part: [
-            [item.kind, item.value if item.path is None else hash_of(item.path), item.weight]
-            for item in getattr(spec, part)
-        ]
-        for part in ("goal", "initial")
-    }
 
 
 def run_spec(fields: Fields) -> RunSpec:

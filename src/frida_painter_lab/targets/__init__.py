@@ -24,6 +24,11 @@ class Target:
     path: Path
     picture: Tensor
 
+    @property
+    def words(self) -> str:
+        """Name as words."""
+        return self.name.replace("-", " ").replace("_", " ")
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickles the path only, so that another process reads the file."""
         return Target.read, (self.path,)

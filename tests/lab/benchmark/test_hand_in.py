@@ -76,7 +76,6 @@ def test_the_ground_is_read_and_white_by_default():
         (csv_of(), "no strokes"),
         (b"", "lacks the columns"),
         (csv_of("1,#aa3311,4,9,9", header="stroke,color,width_px,x_px,y_px"), "lacks the columns width_mm, x_mm, y_mm"),
-        (csv_of("1,#aa3311,4,9,9", comments="# frida-painter strokes 2\n"), "version 2; this program reads version 1"),
         (csv_of("1,#aa3311,4,10,10", comments="# ground beige\n"), "ground"),
         (csv_of("1,#aa3311,4,10,10")[:-4] + b",", "y_mm ''"),
         (b"\xff\xfe\x00stroke", "UTF-8"),
@@ -109,7 +108,7 @@ def test_a_huge_file_is_refused_by_its_size(tmp_path, monkeypatch):
         read_hand_in(path, CANVAS)
 
 
-@pytest.mark.parametrize("name", ["strokes.txt", "missing.csv", "missing.svg", "plan.json"])
+@pytest.mark.parametrize("name", ["strokes.txt", "missing.csv", "plan.json"])
 def test_other_and_missing_files_are_refused(tmp_path, name):
     if name == "strokes.txt":
         (tmp_path / name).write_text("x")
@@ -123,7 +122,7 @@ def test_a_transparent_stroke_shows_what_lies_below():
     points = np.array([[0.05, 0.1], [0.2, 0.1]])
     black = DrawnStroke(points, 0.02, (0.0, 0.0, 0.0))
     half = DrawnStroke(points, 0.01, (1.0, 0.0, 0.0), 0.5)
-    picture, shown = draw(HandIn(CANVAS, "", (black, half), (1.0, 1.0, 1.0)), 210, 280)
+    picture, shown = draw(HandIn(CANVAS, (black, half), (1.0, 1.0, 1.0)), 210, 280)
     assert np.allclose(shown[0], 0, atol=0.02)
     assert np.allclose(shown[1], (0.5, 0, 0), atol=0.02)
     assert np.allclose(picture[110, 120], (0.5, 0, 0), atol=0.02) and np.allclose(picture[20, 20], 1)
@@ -133,7 +132,7 @@ def test_a_transparent_stroke_shows_what_lies_below():
 
 def test_a_stroke_of_one_point_is_a_dot():
     dot = DrawnStroke(np.array([[0.1, 0.1]]), 0.02, (0.0, 0.0, 0.0))
-    picture, _ = draw(HandIn(CANVAS, "", (dot,)), 210, 280)
+    picture, _ = draw(HandIn(CANVAS, (dot,)), 210, 280)
     assert (1 - picture.mean(-1)).sum() == pytest.approx(np.pi * 10**2, rel=0.08)
 
 

@@ -19,20 +19,9 @@ from frida_painter.runs.settle import ground_of
 from frida_painter_lab import experiment as carrier
 from frida_painter_lab import targets
 from frida_painter_lab.experiment import Share, silent
+from frida_painter_lab.statistics import Mean, Result, holm, means, paired_tests
 from frida_painter_lab.sweeps import runner
-from frida_painter_lab.sweeps.report import (
-    Mean,
-    Result,
-    SweepState,
-    flat,
-    holm,
-    keep_table,
-    means,
-    paired_tests,
-    read_state,
-    write_report,
-    write_table,
-)
+from frida_painter_lab.sweeps.report import SweepState, flat, keep_table, read_state, write_report, write_table
 from frida_painter_lab.sweeps.runner import best_candidate, rank_plans, sweep
 from frida_painter_lab.sweeps.sweep_spec import SweepSpec
 from sweep_engine import Here

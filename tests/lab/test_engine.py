@@ -11,8 +11,8 @@ import pytest
 
 import sweep_works
 from frida_painter.errors import ConfigError, TryFailed, WorkerUnfit
-from frida_painter_lab.sweeps import engine as engines
-from frida_painter_lab.sweeps.engine import Engine, TaskLimits, slots_here
+from frida_painter_lab import engine as engines
+from frida_painter_lab.engine import Engine, TaskLimits, slots_here
 
 
 @pytest.fixture(autouse=True)
