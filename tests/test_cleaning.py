@@ -17,7 +17,7 @@ from frida_painter.errors import RobotError, StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.runs import run
 from frida_painter.runs.look_folder import USED, GivenPicture, LookFolder
-from frida_painter_calibration.procedures.strokes import Recording, RecordingSettings
+from frida_painter_calibration.procedures.strokes import Recording, order_of
 from frida_painter_lab import commands
 from frida_painter_lab.experiment import Experiment
 from frida_painter_lab.runs import RunFolder
@@ -121,9 +121,9 @@ def test_a_folder_of_a_person_stays_if_no_easel_opens(tmp_path: Path, monkeypatc
 
 def test_a_recording_is_not_begun_among_other_files(tmp_path: Path) -> None:
     own = files_of_a_person(tmp_path)
-    settings = RecordingSettings("virtual", brush_kind("fine"), 3, 0, 1)
+    order = order_of("virtual", brush_kind("fine"), 3, 0, 1)
     with pytest.raises(StorageError):
-        Recording(tmp_path, settings, (4, 8))
+        Recording(tmp_path, order, (4, 8))
     require_untouched(own)
 
 

@@ -107,7 +107,7 @@ DELETING = {
     "frida_painter_lab/commands.py": 1,  # a folder named by storage.PART
     "frida_painter_lab/runs.py": 1,  # the failure of a run
     # numbered strokes of the recording in a folder that was empty before it
-    "frida_painter_calibration/procedures/strokes.py": 4,
+    "frida_painter_calibration/procedures/strokes.py": 3,
     "runs/look_folder.py": 1,  # moves a picture beside others of its name
     # pictures that its record names; a canvas without pictures; empty folders
     "frida_painter_words/picture_makers/making.py": 5,

@@ -15,7 +15,7 @@ ROOT = SRC.parent.parent
 # A command, an experiment or a calibration is called as the noun that it is about; a machine's parts have the same
 # names wherever they are described.
 STEMS = {
-    "calibration", "canvas", "color", "commands", "easel", "gcode", "goals", "kernels", "kinds", "options", "paint",
+    "canvas", "color", "commands", "easel", "gcode", "goals", "kernels", "kinds", "options", "paint",
     "painting", "policies", "robot", "settings", "strokes", "table",
 }  # fmt: skip
 CLASSES: set[str] = set()

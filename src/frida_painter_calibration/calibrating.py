@@ -2,16 +2,17 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from platformdirs import user_data_path
 
+from frida_painter import images
 from frida_painter.brush import DEFAULT_MODEL
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.calibration import OF_A_BRUSH, Calibration, LearnedFile
-from frida_painter.easel.dialogue import Procedure
+from frida_painter.easel.dialogue import Answer, Finding, Procedure, Question, lead
 from frida_painter.easel.kinds import VIRTUAL
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.easel.virtual_easel import studio_brush, with_brush
@@ -19,17 +20,31 @@ from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.runs.painting_easel import order
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.opening import require_basis
 from frida_painter.virtual.studio import open_studio
-from frida_painter_calibration.procedures.brush import brush as brush_procedure
-from frida_painter_calibration.procedures.canvas import canvas as canvas_procedure
-from frida_painter_calibration.procedures.color import color as color_procedure
-from frida_painter_calibration.procedures.robot import robot as robot_procedure
-from frida_painter_calibration.procedures.strokes import StrokesFinding, StrokesProgress
-from frida_painter_calibration.procedures.strokes import strokes as strokes_procedure
-from frida_painter_calibration.procedures.surface import POINTS
-from frida_painter_calibration.procedures.surface import surface as surface_procedure
+from frida_painter_calibration.procedures.brush import brush
+from frida_painter_calibration.procedures.canvas import canvas
+from frida_painter_calibration.procedures.color import color
+from frida_painter_calibration.procedures.robot import robot
+from frida_painter_calibration.procedures.strokes import contact_sheet, strokes
+from frida_painter_calibration.procedures.surface import POINTS, read_surface, surface
+from frida_painter_calibration.procedures.surface_marks import surface_by_marks, surface_in_picture
 from frida_painter_calibration.teaching.evaluation import learn
-from frida_painter_calibration.teaching.training import TrainingProgress
+
+
+def easel_spec(
+    robot: str,
+    camera: str,
+    workspace: Path | None,
+    canvas: str | None,
+    brush: str,
+    seed: int,
+    placement_error: str | None,
+) -> RunSpec:
+    """Returns the description of the easel that the options name. Raises ConfigError."""
+    given = {"canvas": canvas, "workspace": workspace, "placement_error": placement_error}
+    said: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    return RunSpec.of(robot=robot, camera=camera, brush=brush, seed=seed, **said)
 
 
 @contextmanager
@@ -56,76 +71,6 @@ def default_record(easel: str) -> Path:
     return user_data_path("frida-painter", appauthor=False) / "easels" / folder / "calibration.json"
 
 
-@dataclass(frozen=True)
-class CalibrationSetup:
-    """Inputs of a calibration procedure.
-
-    easel: easel with the record so far.
-    record: file of the record; files of the procedures are beside it.
-    say: receives the progress in words.
-    """
-
-    easel: Easel
-    brush: BrushKind
-    record: Path
-    seed: int
-    count: int
-    say: Callable[[str], None]
-    refill_every: int = 1
-    points: int = POINTS
-
-    def beside(self, name: str, ending: str) -> Path:
-        """Returns the file of a procedure beside the record; its name holds the brush if the procedure concerns one."""
-        of = f"-{self.brush.name}" if name in OF_A_BRUSH else ""
-        return self.record.with_name(f"{self.record.stem}-{name}{of}.{ending}")
-
-
-def begin_procedure(name: str, setup: CalibrationSetup) -> Procedure[Any]:
-    """Begins the procedure of that name with this setup."""
-
-    def hear(progress: StrokesProgress) -> None:
-        setup.say(f"strokes: {progress.done} of {progress.of}, paper {progress.sheet}")
-
-    match name:
-        case "canvas":
-            return canvas_procedure(setup.easel)
-        case "robot":
-            return robot_procedure(setup.easel)
-        case "color":
-            return color_procedure(setup.easel)
-        case "surface":
-            return surface_procedure(setup.easel, points=setup.points)
-        case "brush":
-            return brush_procedure(setup.easel, name=setup.brush.name)
-        case _:
-            library = setup.beside("strokes", "npz")
-            return strokes_procedure(
-                setup.easel,
-                setup.brush,
-                library,
-                count=setup.count,
-                seed=setup.seed,
-                refill_every=setup.refill_every,
-                notify=hear,
-            )
-
-
-def learn_from(finding: StrokesFinding, setup: CalibrationSetup, record: Calibration) -> Calibration:
-    """Trains a stroke model on the strokes and returns the record with it; `paint --calibration` then plans with it.
-
-    Raises LibraryError if fewer than 5 strokes are clean.
-    """
-
-    def hear(progress: TrainingProgress) -> None:
-        setup.say(f"strokes: learning from them, {progress.epoch} of {progress.epochs}")
-
-    learned = learn(DEFAULT_MODEL, finding.library, setup.brush, seed=setup.seed, notify=hear)
-    path = setup.beside("strokes", "safetensors")
-    weights = LearnedFile(str(path), learned.model.save(path))
-    assert record.library is not None  # set by the finding before
-    return record.with_strokes(record.library, weights, residual=learned.report.validation_error)
-
-
 def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibration:
     """Returns the record to continue: that of the file, or the easel's default if there is none.
 
@@ -144,3 +89,106 @@ def record_to_renew(path: Path, default: Calibration, *, anew: bool) -> Calibrat
     if anew and known.easel == default.easel:
         return known.start_anew(default)
     return known.of_brush(default.brush) if default.brush in known.others else known
+
+
+@dataclass(frozen=True)
+class CalibrationSetup:
+    """Inputs of the calibration procedures.
+
+    easel: easel with its default record
+    record: file of the record; files of the procedures are beside it
+    say: receives the progress in words
+
+    count, refill_every: of the strokes procedure
+    points, heights, marks, picture: of the surface procedure: points along each side; a file to read instead; True to
+    learn it from painted marks; a person's picture of these
+    """
+
+    easel: Easel
+    brush: BrushKind
+    record: Path
+    seed: int
+    count: int
+    say: Callable[[str], None]
+    refill_every: int = 1
+    points: int = POINTS
+    heights: Path | None = None
+    marks: bool = False
+    picture: Path | None = None
+
+    def beside(self, name: str, ending: str) -> Path:
+        """Returns the file of a procedure beside the record; its name holds the brush if the procedure concerns one."""
+        of = f"-{self.brush.name}" if name in OF_A_BRUSH else ""
+        return self.record.with_name(f"{self.record.stem}-{name}{of}.{ending}")
+
+
+def calibrate_one(
+    name: str, setup: CalibrationSetup, known: Calibration, answer: Callable[[Question], Answer]
+) -> tuple[Finding, Calibration]:
+    """Leads the procedure of that name, and returns its finding and the record with it, which is saved at once.
+
+    known: the record so far
+    Raises CalibrationError if a procedure that it rests on does not hold, and the errors of the procedure.
+    """
+    here = setup.easel
+    require_basis(name, known, here.calibration, defaults_hold=here.simulated or not here.has_camera)
+    finding = lead(_begin(name, setup, replace(here, calibration=known)), answer)
+    known = finding.enter(known)
+    known.save(setup.record)
+    if finding.picture is not None:
+        images.save(finding.picture, setup.beside(name, "png"))
+    return finding, known
+
+
+def _begin(name: str, setup: CalibrationSetup, easel: Easel) -> Procedure[Finding]:
+    match name:
+        case "canvas":
+            return (yield from canvas(easel))
+        case "robot":
+            return (yield from robot(easel))
+        case "color":
+            return (yield from color(easel))
+        case "brush":
+            return (yield from brush(easel, name=setup.brush.name))
+        case "surface" if setup.heights is not None:
+            return read_surface(setup.heights, easel)
+        case "surface" if setup.picture is not None:
+            photograph = images.to_uint8(images.load(setup.picture))
+            return (yield from surface_in_picture(photograph, easel, setup.brush, points=setup.points))
+        case "surface" if setup.marks:
+            return (yield from surface_by_marks(easel, setup.brush, points=setup.points))
+        case "surface":
+            return (yield from surface(easel, points=setup.points))
+        case _:
+            return (yield from _learn_strokes(easel, setup))
+
+
+def _learn_strokes(easel: Easel, setup: CalibrationSetup) -> Procedure[Finding]:
+    """Records strokes, and trains a stroke model on them, with which `paint --calibration` then plans.
+
+    Raises LibraryError if fewer than 5 strokes are clean.
+    """
+    out, path, kind = setup.beside("strokes", "npz"), setup.beside("strokes", "safetensors"), setup.brush
+    recorded = yield from strokes(
+        easel,
+        kind,
+        out,
+        count=setup.count,
+        seed=setup.seed,
+        refill_every=setup.refill_every,
+        notify=lambda done: setup.say(f"strokes: {done.done} of {done.of}, paper {done.sheet}"),
+    )
+    learned = learn(
+        DEFAULT_MODEL,
+        recorded.library,
+        kind,
+        seed=setup.seed,
+        notify=lambda done: setup.say(f"strokes: learning from them, {done.epoch} of {done.epochs}"),
+    )
+    library, weights = recorded.file, LearnedFile(str(path), learned.model.save(path))
+    assert library is not None
+    return Finding(
+        recorded.sentence,
+        contact_sheet(recorded.library, f"Strokes of the {kind.name} brush"),
+        lambda record: record.with_strokes(library, weights, residual=learned.report.validation_error),
+    )

@@ -1,57 +1,235 @@
-"""Setup of a machine: its steps in order, what they found so far, and the files that they lead to.
+"""Whole setup of a machine as one dialogue, which the terminal and the studio's page lead.
 
-A folder keeps the state after each step, so that the setup can be left at any moment and continued. The faces lead the
-dialogues; the steps themselves are in procedures/workspace.py.
+The machine is chosen and examined, then each step of procedures/workspace.py is led until it succeeds, and the files
+are written. A folder keeps the state after each step, so that the setup can be left at any moment and continued. A
+face gives two functions: one answers questions, the other hears what happened.
 """
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Generator, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
+from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.dialogue import Answer, SetupQuestion, lead
+from frida_painter.easel.connecting import examine_robot
+from frida_painter.easel.dialogue import Answer, Choose, Confirm, EnterAddress, SetupQuestion, lead
 from frida_painter.easel.kinds import NO_CAMERA, state_folder
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
-from frida_painter.errors import ConfigError
+from frida_painter.errors import CalibrationError, ConfigError, Interrupted, RobotDisconnected
 from frida_painter.hardware.layout import Layout
-from frida_painter.hardware.preset import Preset, find_preset
-from frida_painter.hardware.robot import Feeler
+from frida_painter.hardware.preset import Preset, find_preset, presets
+from frida_painter.hardware.robot import Feeler, Robot, Workspace
+from frida_painter.report.sheets import workspace_plan
+from frida_painter.session.events import Remark
+from frida_painter.session.setup_events import MachineTold, SetupStands, SetupStepBegan, SetupWritten
+from frida_painter.sheet import INK, LINE, SOFT, Sheet, shorten
 from frida_painter_calibration.calibrating import default_record, record_to_renew
-from frida_painter_calibration.procedures.workspace import (
-    Bench,
-    find_touch,
-    map_surface,
-    mark_canvas,
-    mark_paint,
-    paint_test,
-    settle_zero,
-    trace,
-    try_lift,
-)
-from frida_painter_calibration.sheets.machine_sheet import draw_machine
+from frida_painter_calibration.procedures.surface import surface_sheet
+from frida_painter_calibration.procedures.workspace import STEPS, Bench, settle_zero, try_lift
 
-STEPS = {
-    "canvas": "mark the corners of the canvas",
-    "touch": "find the lightest touch and the hardest press",
-    "surface": "measure the canvas if it is uneven",
-    "paint": "mark the wells, the water and the rag",
-    "trace": "trace the outlines in the air",
-    "strokes": "paint three test strokes",
-}
-"""Steps of a setup in their order, and what a person does in each."""
 _ACCURACY = 0.0002  # metres of the heights
 _FORMAT, _VERSION = "frida-painter setup", 1
 _DRAFT, _STATE = "draft.toml", "setup.json"
 WORKSPACE, RECORD, SHEET = "workspace.toml", "calibration.json", "setup.png"
+
+SetupEvent = SetupStands | SetupStepBegan | MachineTold | SetupWritten | Remark
+Answering = Callable[[SetupQuestion], Answer]
+
+
+@dataclass(frozen=True)
+class SetupOrder:
+    """Order of a setup: what a person said before the dialogue. None is asked for, or is the preset's.
+
+    preset: name or file
+    port: serial port or address of the machine
+    name: of the easel
+    canvas: its size; None to mark three corners
+    brush: in the holder; None for the fine one, or that of the setup that goes on
+    folder: for the results; None for one per easel in the person's data
+    step: the one to repeat
+    anew: True to begin from the start, even if a setup was left
+    """
+
+    preset: str | None = None
+    port: str | None = None
+    name: str | None = None
+    canvas: CanvasSize | None = None
+    brush: str | None = None
+    folder: Path | None = None
+    step: str | None = None
+    anew: bool = False
+
+
+def lead_setup(
+    order: SetupOrder,
+    answer: Answering,
+    tell: Callable[[SetupEvent], None],
+    *,
+    stops: Path | None = None,
+    opened: Callable[[Robot], object] = lambda robot: None,
+) -> None:
+    """Sets a machine up, from its choice to the written files; a person's hand needs no setup.
+
+    stops: folder of a stop file; None if there is none
+    opened: receives the robot before it moves
+
+    Raises Interrupted if the person leaves; the same order continues. Raises ConfigError, CalibrationError,
+    StorageError, RobotError and its subclasses.
+    """
+    begun = time.monotonic()
+    known = lead(take_up(order), answer)
+    if known is None:
+        tell(Remark("Your hand needs no setup. Paint with: frida-painter paint PHOTO --robot human --camera opencv:0"))
+        return
+    if order.step is not None:
+        known.repeat(order.step)
+    if known.state.done or order.step is not None:
+        tell(Remark(f"The setup in {known.folder} goes on. Done: {', '.join(known.state.done) or 'nothing'}."))
+    tell(known.describe())
+    with ExitStack() as stack:
+        while True:
+            tell(Remark(f"Connecting {known.robot} ..."))
+            try:
+                tell_machine(known, answer, tell)
+                bench = stack.enter_context(known.bench(stops))
+                break
+            except RobotDisconnected as other:  # something else may answer at that port
+                if order.port is not None or known.preset.connection != "serial":
+                    raise
+                tell(Remark(str(other)))
+                known.state = replace(known.state, where=lead(choose_place(known.preset), answer))
+        known.save()
+        opened(bench.easel.robot)
+        probe = known.preset.probe
+        lead(settle_zero(bench, probe.corner if probe else None, marked="canvas" in known.state.done), answer)
+        if known.preset.lift.by == "servo" and not known.state.done:
+            lead(try_lift(bench), answer)
+        for step in STEPS:
+            if step not in known.state.done:
+                tell(SetupStepBegan(step))
+                known.lead_step(step, bench, answer, tell)
+                if step == "strokes":
+                    minutes = (time.monotonic() - begun) / 60
+                    tell(Remark(f"Test strokes painted {minutes:.0f} minutes after the start."))
+        bench.pass_over("home", known.state.layout.home)
+    tell(known.write())
+
+
+# Choice of the machine.
+
+
+def take_up(order: SetupOrder) -> Generator[SetupQuestion, Answer, "MachineSetup | None"]:
+    """Returns the setup that goes on, or a new one; None for a person's hand, which needs no setup.
+
+    Raises ConfigError if the order contradicts the setup that goes on, or if something is missing.
+    """
+    if order.step is not None and order.step not in STEPS:
+        raise ConfigError(f"--step was given {order.step[:40]!r}; the steps are {', '.join(STEPS)}.")
+    there = order.folder or (default_record(order.name).parent if order.name else None)
+    source = order.preset
+    if source is None and not (there and (there / _STATE).exists() and not order.anew):
+        source = yield from _choose_preset()
+    here = there or default_record(Path(source or "").stem).parent
+    if (here / _STATE).exists() and not order.anew:
+        left = MachineSetup.resume(here)
+        left.require_same(order)
+        if order.port is not None:  # a serial port is called otherwise when it is plugged in again
+            left.state = replace(left.state, where=order.port)
+        return left
+    assert source is not None
+    preset = find_preset(source)
+    _require_package(preset)
+    for sentence in preset.before:
+        if not (yield Confirm(f"{sentence} Done?")):
+            raise Interrupted(f"Nothing was begun. First: {sentence}")
+    if not preset.is_machine:
+        return None
+    where = order.port or (yield from choose_place(preset))
+    name, brush = order.name or preset.name, order.brush or "fine"
+    return MachineSetup.begin(here, preset, source, where, name, brush, order.canvas)
+
+
+def _require_package(preset: Preset) -> None:
+    if preset.needed is not None:
+        raise ConfigError(f"{preset.title} needs a package; install it with: {preset.needed.command}")
+
+
+def _choose_preset() -> Generator[SetupQuestion, Answer, str]:
+    """Returns the name of the preset that the person chose."""
+    known, notes = [*presets().values()], []
+    for preset in known:
+        if preset.area is None:
+            notes.append("you paint, the program shows each stroke")
+            continue
+        width, height, _ = (1000 * (high - low) for low, high in zip(preset.area.lower, preset.area.upper, strict=True))
+        notes.append(f"{width:.0f} x {height:.0f} mm, {'serial port' if preset.connection == 'serial' else 'network'}")
+    titles, drawings = tuple(preset.title for preset in known), tuple(preset.lift.by for preset in known)
+    chosen = yield Choose("Which machine is it?", titles, notes=tuple(notes), drawings=drawings)
+    assert isinstance(chosen, int)
+    return known[chosen].name
+
+
+def choose_place(preset: Preset) -> Generator[SetupQuestion, Answer, str]:
+    """Returns the port or address that the person chose or typed. Raises ConfigError if pyserial is missing."""
+    if preset.connection == "network":
+        return str((yield EnterAddress("Its address on the network (like 192.168.1.10)")))
+    ports = list_ports(preset)
+    typed = EnterAddress("The name of its port (like /dev/ttyUSB0)", port=True)
+    if not ports:
+        none = "No serial port was found. Plug the machine in, switch it on and look at its cable"
+        return str((yield replace(typed, text=f"{none}; then leave and begin again, or type the name of its port.")))
+    names, notes, likely = zip(*ports, strict=True)
+    proposal = 0 if sum(likely) == 1 else None
+    chosen = yield Choose(
+        "At which port is it?", (*names, "Another one"), proposal, notes=(*notes, "you type its name")
+    )
+    assert isinstance(chosen, int)
+    return names[chosen] if chosen < len(names) else str((yield typed))
+
+
+def list_ports(preset: Preset) -> list[tuple[str, str, bool]]:
+    """Returns name and description of this computer's serial ports, and whether one has the ids of the preset's boards.
+
+    Those come first. Raises ConfigError if pyserial is missing.
+    """
+    _require_package(preset)
+    from serial.tools.list_ports import comports
+
+    found = []
+    for port in comports():
+        ids = f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None and port.pid is not None else ""
+        about = ", ".join(part for part in (port.description, port.manufacturer, ids) if part and part != "n/a")
+        found.append((port.device, about or "no description", ids in preset.usb))
+    return sorted(found, key=lambda port: (not port[2], port[0]))
+
+
+def tell_machine(known: "MachineSetup", answer: Answering, tell: Callable[[SetupEvent], None]) -> None:
+    """Tells what the controller says, and asks what only a person knows of it; once, as long as nothing is done.
+
+    Raises ConfigError if painting cannot work like this, RobotError.
+    """
+    found = examine_robot(known.robot, known.state.layout.workcell().workspace)
+    if found is None:
+        return
+    tell(MachineTold([asdict(fact) for fact in found.facts]))
+    refusals = [fact.text for fact in found.facts if fact.weight == "refusal"]
+    asked = [fact for fact in found.facts if fact.question and not known.state.done]
+    refusals += [fact.text for fact in asked if answer(Confirm(fact.question)) is not True]
+    if refusals:
+        raise ConfigError(f"The machine cannot paint like this: {' '.join(refusals)} Then begin the setup again.")
+
+
+# State of a setup, its steps and its files.
 
 
 @dataclass(frozen=True)
@@ -77,20 +255,6 @@ class SetupState:
     surface: SurfaceMap | None = None
     done: tuple[str, ...] = ()
 
-    @property
-    def todo(self) -> tuple[str, ...]:
-        """Steps that are not finished, in order."""
-        return tuple(step for step in STEPS if step not in self.done)
-
-
-@dataclass(frozen=True)
-class SetupFiles:
-    """Files that a setup wrote: workspace, calibration record, and the picture of both."""
-
-    workspace: Path
-    record: Path
-    sheet: Path
-
 
 class MachineSetup:
     """Setup of a machine in a folder: begun anew or continued."""
@@ -108,15 +272,13 @@ class MachineSetup:
         Raises ConfigError if the canvas does not fit into the machine's area, or if the brush is unknown.
         """
         brush_kind(brush)
-        kept = str(Path(source).absolute()) if source.endswith(".toml") else source
-        return cls(folder, SetupState(kept, where, brush, Layout.propose(preset, easel, size), size), preset)
+        return cls(folder, SetupState(_keep(source), where, brush, Layout.propose(preset, easel, size), size), preset)
 
     @classmethod
     def resume(cls, folder: Path) -> Self:
         """Continues the setup of a folder. Raises ConfigError if its state is damaged or its preset is gone."""
-        path = folder / _STATE
+        path, advice = folder / _STATE, "say --anew to begin from the start"
         values = storage.read_json(path, "the state of a setup", ConfigError)
-        advice = "say --anew to begin from the start"
         if (values.pop("format", None), values.pop("version", None)) != (_FORMAT, _VERSION):
             raise ConfigError(f"{path} is not the state of a setup of this version; {advice}.")
         try:
@@ -129,10 +291,21 @@ class MachineSetup:
             raise ConfigError(f"{path} has an unknown step {unknown[0][:40]!r}; {advice}.")
         return cls(folder, state, find_preset(state.preset))
 
-    @classmethod
-    def exists(cls, folder: Path) -> bool:
-        """Returns True if a setup was begun in the folder."""
-        return (folder / _STATE).exists()
+    def require_same(self, order: SetupOrder) -> None:
+        """Raises ConfigError if the order says something else than this setup, which goes on."""
+        state = self.state
+        said = {
+            "preset": (order.preset and _keep(order.preset), state.preset),
+            "name": (order.name, state.layout.easel),
+            "canvas": (order.canvas, state.size),
+            "brush": (order.brush, state.brush),
+        }
+        for what, (wanted, begun) in said.items():
+            if wanted is not None and wanted != begun:
+                raise ConfigError(
+                    f"The setup in {self.folder} was begun with the {what} {begun or 'to be measured'}, and {wanted} "
+                    f"is asked for now; leave the {what} out to go on, or begin from the start (--anew)."
+                )
 
     @property
     def robot(self) -> str:
@@ -160,12 +333,12 @@ class MachineSetup:
         stops: folder of a stop file, at which the machine's process stops it; None if there is none
         Raises RobotStopped if a person must arm it first, RobotBusy, RobotError and its subclasses, ConfigError.
         """
-        draft = self.folder / _DRAFT
-        storage.write_text(draft, self.state.layout.draft())
+        draft, state = self.folder / _DRAFT, self.state
+        storage.write_text(draft, state.layout.draft())
         order = EaselOrder(
             robot=self.robot,
-            canvas=self.state.layout.canvas,
-            brushes=(self.state.brush,),
+            canvas=state.layout.canvas,
+            brushes=(state.brush,),
             seed=0,
             state=state_folder(),
             folder=stops,
@@ -178,109 +351,117 @@ class MachineSetup:
                 easel.robot.connect()
                 may_feel = self.preset.probe is not None and self.preset.probe.touch != "jog"
                 feels = easel.robot.feels() if may_feel and isinstance(easel.robot, Feeler) else None
-                yield Bench(easel, self.state.layout, feels, self.state.surface)
+                yield Bench(easel, state.layout, feels, state.surface, state.size)
             finally:
                 easel.robot.close()
 
-    def settle_zero(self, bench: Bench, answer: Callable[[SetupQuestion], Answer]) -> None:
-        """Has a person find the machine's zero if it was lost. Raises ZeroUnknown, RobotError and its subclasses."""
-        corner = self.preset.probe.corner if self.preset.probe is not None else None
-        lead(settle_zero(bench, corner, marked="canvas" in self.state.done), answer)
+    def lead_step(self, step: str, bench: Bench, answer: Answering, tell: Callable[[SetupEvent], None]) -> None:
+        """Leads a step until it succeeds, and keeps what it found.
 
-    def try_lift(self, bench: Bench, answer: Callable[[SetupQuestion], Answer]) -> None:
-        """Has a person see whether a servo lifts the brush, once: no controller can tell.
-
-        Raises ConfigError if it does not, RobotError and its subclasses.
+        Raises Interrupted if the person leaves, RobotError and its subclasses.
         """
-        if self.preset.lift.by == "servo" and not self.state.done:
-            lead(try_lift(bench), answer)
-
-    def perform(self, step: str, bench: Bench, answer: Callable[[SetupQuestion], Answer]) -> None:
-        """Leads a step's dialogue, and keeps what it found.
-
-        Raises CalibrationError or ConfigError if the step must be repeated, Interrupted if the person leaves,
-        RobotError and its subclasses.
-        """
-        layout, measured = self.state.layout, self.state.surface
-        match step:
-            case "canvas":
-                layout = lead(mark_canvas(bench, self.state.size), answer)
-            case "touch":
-                layout = lead(find_touch(bench), answer)
-            case "surface":
-                measured = lead(map_surface(bench), answer)
-                layout = replace(layout, uneven=(measured.lowest, measured.highest) if measured else (0.0, 0.0))
-            case "paint":
-                layout = lead(mark_paint(bench), answer)
-            case "trace":
-                lead(trace(bench), answer)
-            case "strokes":
-                self._test(bench, answer)
-            case _:
-                raise ConfigError(f"There is no step {step[:40]!r}; the steps are {', '.join(STEPS)}.")
-        layout.workcell()
-        bench.layout, bench.surface = layout, measured
-        self.state = replace(self.state, layout=layout, surface=measured, done=(*self.state.done, step))
+        while True:
+            found = replace(bench)  # a step that fails changes nothing
+            try:
+                lead(STEPS[step][1](found), answer)
+                found.layout.workcell()
+                break
+            except (CalibrationError, ConfigError) as refused:
+                tell(Remark(str(refused)))
+                if not answer(Confirm("Do this step again?")):
+                    raise Interrupted(f"The setup was left; it continues at the step {step} next time.") from refused
+            except Interrupted as left:
+                raise Interrupted(f"{left} The setup continues at the step {step} next time.") from left
+        bench.layout, bench.surface = found.layout, found.surface
+        done = (*self.state.done, step)
+        self.state = replace(self.state, layout=found.layout, surface=found.surface, done=done)
         self.save()
+        tell(self.describe())
 
-    def _test(self, bench: Bench, answer: Callable[[SetupQuestion], Answer]) -> None:
-        if not lead(paint_test(bench, brush_kind(self.state.brush)), answer):
-            raise ConfigError("The test strokes were not right; repeat the touch or the canvas, then paint them again.")
+    def describe(self) -> SetupStands:
+        """Returns the state for a face: the steps, and the table from above in millimetres of the robot's frame."""
+        done, layout = self.state.done, self.state.layout
 
-    def write(self) -> SetupFiles:
+        def flat(place: tuple[float, ...]) -> list[float]:
+            return [round(1000 * place[0], 2), round(1000 * place[1], 2)]
+
+        steps = [{"name": name, "text": text, "done": name in done} for name, (text, _) in STEPS.items()]
+        table = {
+            "lower": flat(layout.lower),
+            "upper": flat(layout.upper),
+            "canvas": [*map(flat, layout.corners().values())],
+            "wells": [*map(flat, layout.paint.wells)],
+            "water": flat(layout.paint.water),
+            "rag": flat(layout.paint.rag),
+        }
+        return SetupStands(self.preset.title, self.robot, layout.easel, steps, table)
+
+    def write(self) -> SetupWritten:
         """Writes workspace, calibration record and their picture. Raises StorageError, CalibrationError."""
-        layout = self.state.layout
+        layout, brush = self.state.layout, self.state.brush
+        workspace, path, sheet = (self.folder / name for name in (WORKSPACE, RECORD, SHEET))
+        storage.write_text(workspace, layout.toml())
         workcell = layout.workcell()
-        files = SetupFiles(self.folder / WORKSPACE, self.folder / RECORD, self.folder / SHEET)
-        storage.write_text(files.workspace, layout.toml())
-        record = self.record(files.record)
-        record.save(files.record)
-        images.save(draw_machine(workcell.workspace, record, self.preset.title, self.robot), files.sheet)
-        return files
-
-    def record(self, path: Path) -> Calibration:
-        """Returns the easel's record with the heights of the brush, with all else that the file `path` has."""
-        layout = self.state.layout
-        default = layout.workcell().calibration(self.state.brush, camera=NO_CAMERA)
-        known = record_to_renew(path, default, anew=False)
-        return replace(known, canvas=layout.canvas, surface=self.state.surface).with_brush(
-            self.state.brush, layout.touch, layout.press, protrusion=known.protrusion, residual=_ACCURACY
+        known = record_to_renew(path, workcell.calibration(brush, camera=NO_CAMERA), anew=False)
+        record = replace(known, canvas=layout.canvas, surface=self.state.surface).with_brush(
+            brush, layout.touch, layout.press, protrusion=known.protrusion, residual=_ACCURACY
         )
+        record.save(path)
+        images.save(draw_machine(workcell.workspace, record, self.preset.title, self.robot), sheet)
+        robot, place, measured = f"--robot {self.robot}", f"--workspace {workspace}", f"--calibration {path}"
+        paint = f"frida-painter paint PHOTO {robot} --camera none {place} {measured} --brush {brush}"
+        commands = {
+            "Paint without a camera": f"{paint} --colors {len(layout.paint.wells)}",
+            "Paint from the studio's page": f"frida-painter studio {robot} --camera none {place} {measured}",
+            "With a camera, calibrate it first": f"frida-painter calibrate all {robot} --camera opencv:0 {place}",
+        }
+        told = [{"about": about, "command": command} for about, command in commands.items()]
+        return SetupWritten(str(workspace), str(path), str(sheet), told)
 
 
-# Serial ports of this computer.
+def _keep(source: str) -> str:
+    """Returns the name of a preset, or the absolute path of its file."""
+    return str(Path(source).absolute()) if source.endswith(".toml") else source
 
 
-@dataclass(frozen=True)
-class SerialPort:
-    """Serial port of this computer.
+# Picture of a machine that was set up: its workspace from above, and what its calibration record says.
 
-    name: as it is opened
-    text: what the system says of it
-    likely: True if its USB ids are those of the preset's machines
+_MARGIN, _ROW, _HEAD = 40, 30, 56
+_NAMES = 330  # pixels of the column of names
+
+
+def draw_machine(workspace: Workspace, record: Calibration, title: str, robot: str) -> Tensor:
+    """Returns the picture, sRGB [3, H, W] in [0, 1]: the workspace, below it the record and the height map.
+
+    title: what people call the machine
+    robot: its name for --robot
     """
-
-    name: str
-    text: str
-    likely: bool
-
-
-def list_ports(preset: Preset) -> list[SerialPort]:
-    """Returns the serial ports, the likely ones for the preset first. Raises ConfigError if pyserial is missing."""
-    if preset.needed is not None:
-        raise ConfigError(f"{preset.title} needs a package; install it with: {preset.needed.command}")
-    from serial.tools.list_ports import comports
-
-    found = [_describe_port(port, preset) for port in comports()]
-    return sorted(found, key=lambda port: (not port.likely, port.name))
-
-
-def _describe_port(port: Any, preset: Preset) -> SerialPort:
-    ids = f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None and port.pid is not None else ""
-    about = ", ".join(part for part in (port.description, port.manufacturer, ids) if part and part != "n/a")
-    return SerialPort(port.device, about or "no description", ids in preset.usb)
-
-
-def setup_folder(easel: str) -> Path:
-    """Returns the default folder of an easel's setup, which also holds its calibration record."""
-    return default_record(easel).parent
+    assert record.canvas is not None
+    touch, press = record.touch_height * 1000, record.press_height * 1000
+    corner = ", ".join(f"{metres * 1000:.1f}" for metres in workspace.canvas_origin)
+    painting, travel = (f"{speed * 1000:g} mm/s" for speed in (workspace.painting_speed, workspace.travel_speed))
+    rows = {
+        "machine": title,
+        "--robot": robot,
+        "canvas": f"{record.canvas}, bottom left at {corner} mm",
+        "lightest touch, hardest press": f"z {touch:.2f} and {press:.2f} mm ({touch - press:.2f} mm apart)",
+        "brush": record.brush,
+        "wells": str(len(workspace.wells)),
+        "speeds": f"painting {painting}, travel {travel}",
+        **{f"calibrated: {name}": done.dated[:10] for name, done in record.done.items()},
+    }
+    above = images.to_uint8(workspace_plan(workspace, record.canvas, record.easel))
+    uneven = None if record.surface is None else images.to_uint8(surface_sheet(record.surface))
+    height, width = above.shape[:2]
+    below = height + _HEAD + _ROW * len(rows) + _MARGIN
+    page = (width, below) if uneven is None else (max(width, uneven.shape[1]), below + uneven.shape[0])
+    sheet = Sheet(*page)
+    sheet.paste(above)
+    if uneven is not None:
+        sheet.paste(uneven, (0, below))
+    sheet.draw.line((_MARGIN, height + 8, width - _MARGIN, height + 8), fill=LINE, width=2)
+    for number, (name, value) in enumerate(rows.items()):
+        y = height + _HEAD / 2 + _ROW * number
+        sheet.text((_MARGIN, y), name, 19, SOFT)
+        sheet.text((_MARGIN + _NAMES, y), shorten(value, 19, width - 2 * _MARGIN - _NAMES), 19, INK)
+    return sheet.tensor()

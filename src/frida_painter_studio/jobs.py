@@ -21,7 +21,7 @@ Procedure = Literal["canvas", "robot", "color", "brush", "strokes"]
 PROCEDURES: tuple[Procedure, ...] = get_args(Procedure)
 StepName = Literal["canvas", "touch", "surface", "paint", "trace", "strokes"]
 SETUP_STEPS: tuple[StepName, ...] = get_args(StepName)
-"""Names of the steps, as in runs/machine_setup.py, which the web process must not load."""
+"""Names of the steps, as in procedures/workspace.py, which the web process must not load."""
 _MIN_MARKS, _MAX_MARKS = 10, 60
 _MAX_POINTS = 400  # of a mark; the page sends only those that it needs
 _Place = Annotated[float, Field(ge=-1000, le=1000, allow_inf_nan=False)]

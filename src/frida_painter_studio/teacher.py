@@ -13,9 +13,9 @@ from frida_painter.easel.dialogue import lead
 from frida_painter.easel.virtual_easel import open_virtual_easel
 from frida_painter.session.events import FamilyTaught
 from frida_painter_calibration.procedures.strokes import StrokesProgress, strokes
-from frida_painter_calibration.sheets.family_sheet import family_sheet
 from frida_painter_calibration.teaching.evaluation import learn
 from frida_painter_calibration.teaching.families import write_family
+from frida_painter_calibration.teaching.learned_pages import family_sheet
 from frida_painter_calibration.teaching.marks import learn_family, read_marks
 from frida_painter_calibration.teaching.training import TrainingProgress
 from frida_painter_studio.jobs import TeachingRequest

@@ -14,7 +14,7 @@ from frida_painter.calibration import Calibration, Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
-from frida_painter.easel.dialogue import Confirm, Finding, PointCorners, lead
+from frida_painter.easel.dialogue import Confirm, PointCorners
 from frida_painter.easel.kinds import ARM_FILM, SIMULATION_LOG, STOP_FILE
 from frida_painter.errors import (
     CalibrationError,
@@ -38,17 +38,15 @@ from frida_painter.runs.shares import AUTO, family_shares
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events, setup_events
 from frida_painter.session.controls import Controls
-from frida_painter.session.opening import adopt_camera, require_basis, statuses
+from frida_painter.session.opening import adopt_camera, statuses
 from frida_painter.session.time_left import PlanTime, share_of_plan
 from frida_painter_calibration.calibrating import (
     CalibrationSetup,
-    begin_procedure,
+    calibrate_one,
     easel_of,
-    learn_from,
     record_to_renew,
 )
-from frida_painter_calibration.procedures.strokes import StrokesFinding
-from frida_painter_calibration.setup_dialogue import SetupEvent, SetupOrder, lead_setup
+from frida_painter_calibration.machine_setup import SetupEvent, SetupOrder, lead_setup
 from frida_painter_studio.imaginer import imagine
 from frida_painter_studio.jobs import CalibrationRequest, SetupRequest, TeachingRequest
 from frida_painter_studio.painter import Asker, PauseController
@@ -170,33 +168,15 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
         job.stop.heed()
 
     for name in request.what:
-        require_basis(name, known, here.calibration, defaults_hold=here.simulated or not here.has_camera)
         feed.tell(events.ProcedureBegan(name))
-        easel = replace(here, calibration=known)
-        setup = CalibrationSetup(easel, brush_kind(request.brush), path, request.seed, request.count, say)
-        finding = lead(begin_procedure(name, setup), job.asker.answer)
-        known = finding.enter(known)
-        if isinstance(finding, StrokesFinding):
-            known = learn_from(finding, setup, known)
-        known.save(path)
-        feed.tell(events.ProcedureFound(name, _sentence(finding), _show_finding(name, finding, setup, job)))
+        setup = CalibrationSetup(here, brush_kind(request.brush), path, request.seed, request.count, say)
+        finding, known = calibrate_one(name, setup, known, job.asker.answer)
+        shown = None
+        if finding.picture is not None:
+            shown = job.folder.make_live_path(f"found-{name}", ".png", alone=True)
+            images.save(finding.picture, shown)
+        feed.tell(events.ProcedureFound(name, finding.sentence, None if shown is None else shown.name))
         _tell_status(feed, known, here.calibration)
-
-
-def _sentence(finding: Finding) -> str:
-    """Returns the sentence of a result, without file paths."""
-    file = getattr(finding, "file", None)
-    return finding.sentence if file is None else finding.sentence.replace(f": {file.path}", "")
-
-
-def _show_finding(name: str, finding: Finding, setup: CalibrationSetup, job: Job) -> str | None:
-    """Saves the result's picture beside the record and for the page; returns its name for the page."""
-    if finding.picture is None:
-        return None
-    images.save(finding.picture, setup.beside(name, "png"))
-    shown = job.folder.make_live_path(f"found-{name}", ".png", alone=True)
-    images.save(finding.picture, shown)
-    return shown.name
 
 
 def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:

@@ -40,7 +40,7 @@ def test_it_is_found_again_from_marks_that_vary_so(share: float, full: float) ->
 
 
 def test_what_says_nothing_of_variance_is_certain_and_its_only_mark_the_median() -> None:
-    model = Param2Stroke.fresh(SMALL)
+    model = Param2Stroke("small", SMALL.frame, SMALL.limits)
     assert spread_of(model) == CERTAIN
     assert median_of(model) is model
 

@@ -50,6 +50,22 @@ def test_procedures_are_entered_one_by_one_and_the_doctor_tells_how_they_stand(c
     assert status == 1 and "would be refused" in out and "frida-painter calibrate robot" in out
 
 
+def test_the_heights_of_a_canvas_come_from_its_marks_or_from_a_file(call: Command, tmp_path: Path) -> None:
+    record = ("--brush", "fine", "--canvas", "200x200mm", "--record", "cal.json")
+    status, out, err = call("calibrate", "surface", *record, "--marks", "--points", 2)
+    assert status == 0 and "(4 points)" in out and "cal-surface.png" in out, err
+    surface = Calibration.load(tmp_path / "cal.json").surface
+    assert surface is not None and -0.001 < surface.lowest <= surface.highest < 0.001, "the studio's canvas is flat"
+    (tmp_path / "map.toml").write_text(
+        "across = [0.01, 0.19]\nup = [0.01, 0.19]\nheight = [[0.12, 0.121], [0.12, 0.12]]"
+    )
+    status, out, err = call("calibrate", "surface", *record, "--heights", "map.toml")
+    assert status == 0 and "(4 points)" in out, err
+    assert Calibration.load(tmp_path / "cal.json").surface != surface
+    status, _, err = call("calibrate", "canvas", *record, "--heights", "map.toml")
+    assert status == 2 and "are for calibrate surface" in err
+
+
 def test_all_five_are_done_in_order(call: Command, tmp_path: Path) -> None:
     status, out, err = call("calibrate", "all", "--brush", "fine", "--count", 12, "--record", "cal.json")
     assert status == 0, err

@@ -25,8 +25,8 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.latch import Unlatched
 from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.workcell import WorkcellConfig
-from frida_painter_calibration import machine_setup, setup_dialogue
-from frida_painter_calibration.setup_dialogue import SetupEvent, SetupOrder, lead_setup
+from frida_painter_calibration import machine_setup
+from frida_painter_calibration.machine_setup import SetupEvent, SetupOrder, lead_setup
 from machines.simulated_time import SimulatedTime
 
 READING, PREPARING, PRESSING = 8.0, 30.0, 0.7  # seconds: of a question, of something at the machine, of a key
@@ -125,9 +125,9 @@ def in_this_process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, clock: Simu
     for name in ("DATA", "CONFIG", "STATE"):
         monkeypatch.setenv(f"XDG_{name}_HOME", str(tmp_path / name))
     monkeypatch.setattr(machine_setup, "EaselProcess", InProcess)
-    monkeypatch.setattr(setup_dialogue, "list_ports", lambda preset: [])
+    monkeypatch.setattr(machine_setup, "list_ports", lambda preset: [])
     if clock is not None:
-        monkeypatch.setattr(setup_dialogue, "time", clock)
+        monkeypatch.setattr(machine_setup, "time", clock)
     yield
 
 

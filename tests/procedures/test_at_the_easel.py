@@ -18,7 +18,7 @@ ANYWHERE = [Waypoints("dip", np.array([[-0.1, 0.0, 0.1]]), 0.2)]
 def test_a_photograph_is_taken_with_the_arm_aside_and_is_newer_than_its_last_motion() -> None:
     noting, camera = NotingRobot(now=5.0), PatientCamera()
     access = EaselAccess(stub_easel(noting, camera))
-    access.perform(ANYWHERE)
+    access.gateway.perform(ANYWHERE)
     assert access.photograph().captured_at == 7.5
     assert noting.labels() == ["dip", "home"] and camera.asked == [7.0]
 

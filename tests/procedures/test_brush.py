@@ -11,6 +11,7 @@ from frida_painter.hardware.faults import Faults, LightChange, LostFocus
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter_calibration.procedures.brush import ABOVE_FLOOR, brush
+from papers import proposed
 
 CANVAS = CanvasSize(0.20, 0.16)
 CAMERA = CameraSpec(photograph=(270, 360))
@@ -24,17 +25,14 @@ def studio_with(name="broad", seed=0, faults=None, **settings):
     return studio
 
 
-def proposal(question):
-    return question.proposal
-
-
 @lru_cache(maxsize=2)  # each keeps 60 MB of photographs
 def found(name="broad", seed=0, faults=None, **settings):
     """What looking finds, and by how much (m) its two heights are too high."""
     studio = studio_with(name, seed, faults, **settings)
-    finding = lead(brush(studio.easel), proposal)
+    finding = lead(brush(studio.easel), proposed)
+    record = finding.enter(studio.easel.calibration)
     press = studio.touch_height - studio.brush.press_depth / 1000
-    return finding, finding.touch_height - studio.touch_height, finding.press_height - press
+    return finding, record.touch_height - studio.touch_height, record.press_height - press
 
 
 @pytest.mark.parametrize(("name", "seed"), [("fine", 0), ("medium", 1), ("broad", 2)])
@@ -43,10 +41,8 @@ def test_by_looking_the_lightest_touch_is_found_to_a_third_of_a_millimetre(name,
     finding, touch_off, press_off = found(name, seed)
     assert abs(touch_off) < 0.0003
     assert abs(press_off) < 1e-6  # the studio's workspace ends a margin below what its brush stands
-    assert finding.ended == "where the workspace ends"
-    assert finding.picture.shape == (3, 640, 1500)
-    assert f"{1000 * finding.touch_height:.2f} mm" in finding.sentence
-    assert f"{len(finding.trials)} trial strokes" in finding.sentence
+    assert "where the workspace ends; found in" in finding.sentence
+    assert finding.picture.shape == (3, 760, 940) and float(finding.picture.std()) > 0.05
 
 
 @pytest.mark.parametrize(("rise", "name"), [(0.004, "medium"), (-0.001, "broad")])
@@ -54,29 +50,20 @@ def test_it_is_found_where_the_canvas_lies_and_not_where_the_workspace_says(rise
     finding, touch_off, press_off = found(name, seed=3, rise=rise)
     assert abs(touch_off) < 0.0003
     if rise > 0:  # In the studio a tuft spreads until a quarter beyond its hardest press.
-        assert finding.ended == "where the mark stops widening"
-        assert abs(press_off) < 0.0035
+        assert "where the mark stops widening" in finding.sentence and abs(press_off) < 0.0035
     else:  # The robot does not reach the hardest press.
         assert press_off == pytest.approx(0.001)
 
 
-def test_what_the_owner_knows_of_the_brush_is_heeded_and_nothing_leaves_the_workspace():
+def test_the_record_holds_the_brush_and_nothing_leaves_the_workspace():
     studio, lowest = studio_with(), []
     follow = studio.robot.follow
     studio.robot.follow = lambda waypoints: (lowest.append(waypoints.position[:, 2].min()), follow(waypoints))[1]
-    finding = lead(brush(studio.easel, name="number 12", deepest=0.003), proposal)
-    assert studio.easel.workspace.lower[2] + ABOVE_FLOOR - 1e-9 <= min(lowest) < studio.touch_height
-    assert finding.touch_height - finding.press_height == pytest.approx(0.003)
-    assert finding.ended == "as far as the brush may be pressed"
-    deepest = min(trial.height for trial in finding.trials)
-    assert deepest >= finding.press_height - 1e-9
-    record = finding.enter(studio.easel.calibration)
-    assert (record.brush, record.touch_height) == ("number 12", finding.touch_height)
-    assert record.height(np.array([0.0, 0.5, 1.0])) == pytest.approx(
-        [finding.touch_height, finding.touch_height - 0.0015, finding.press_height]
-    )
-    assert record.done["brush"].residual == finding.exactness
-    assert record.protrusion == 0
+    record = lead(brush(studio.easel, name="number 12"), proposed).enter(studio.easel.calibration)
+    floor = studio.easel.workspace.lower[2] + ABOVE_FLOOR
+    assert floor - 1e-9 <= min(lowest) and record.press_height == pytest.approx(floor)
+    assert record.brush == "number 12" and 1e-4 <= record.done["brush"].residual < 5e-4 and record.protrusion == 0
+    assert record.height(np.array([0.0, 1.0])).tolist() == [record.touch_height, record.press_height]
 
 
 LAMPS = tuple(LightChange(number, 3 * ((0.6, 0.9, 0.75)[number % 3],)) for number in range(90))
@@ -130,11 +117,11 @@ def test_a_person_may_set_both_heights_with_jog_keys_and_no_paint():
     studio = studio_with()
     person = Hand(DOWN, DOWN, DOWN, JogMove(0.001), OK, JogMove(-0.004), OK)
     finding = lead(brush(studio.easel), person.answer)
-    assert finding.touch_height == pytest.approx(0.15 - 0.03 + 0.001)
-    assert finding.press_height == pytest.approx(finding.touch_height - 0.004)
-    assert finding.protrusion == 0.085
-    assert finding.picture is None
-    assert "set by hand" in finding.sentence
+    record = finding.enter(studio.easel.calibration)
+    assert record.touch_height == pytest.approx(0.15 - 0.03 + 0.001)
+    assert record.press_height == pytest.approx(record.touch_height - 0.004)
+    assert record.protrusion == 0.085 and record.done["brush"].residual == 0.0005
+    assert finding.picture is None and "as set by hand; set by hand." in finding.sentence
     assert studio.camera.photographs == 0 and studio.balance().drawn == 0
     heights = [question.height for question in person.asked if isinstance(question, Jog)]
     assert heights == pytest.approx([0.15, 0.14, 0.13, 0.12, 0.121, 0.121, 0.117])
@@ -144,9 +131,8 @@ def test_jogging_stops_at_the_workspaces_floor_and_below_the_touch():
     studio = studio_with()
     floor = studio.easel.workspace.lower[2]
     person = Hand(JogMove(-0.1), JogMove(-0.03), OK, JogMove(0.02), JogMove(-0.1), JogMove(floor - 0.12), OK)
-    finding = lead(brush(studio.easel), person.answer)
-    assert finding.touch_height == pytest.approx(0.12)
-    assert finding.press_height == pytest.approx(floor)
+    record = lead(brush(studio.easel), person.answer).enter(studio.easel.calibration)
+    assert (record.touch_height, record.press_height) == pytest.approx((0.12, floor))
     refused = [question for question in person.asked if question.text.startswith("No further")]
     assert len(refused) == 3
     assert all(question.lowest <= question.height <= question.highest for question in person.asked[2:])
@@ -187,14 +173,14 @@ def test_a_workspace_whose_floor_is_at_the_paper_leaves_no_room_to_press():
     workspace = studio.easel.workspace
     shallow = replace(workspace, lower=(*workspace.lower[:2], studio.touch_height - 0.0025))
     with pytest.raises(CalibrationError, match="no room"):
-        lead(brush(replace(studio.easel, workspace=shallow)), proposal)
+        lead(brush(replace(studio.easel, workspace=shallow)), proposed)
 
 
 def test_a_canvas_at_hover_height_is_refused():
     studio = studio_with(rise=0.02)
     low = replace(studio.easel.workspace, hover=0.015)
     with pytest.raises(CalibrationError, match="already at"):
-        lead(brush(replace(studio.easel, workspace=low)), proposal)
+        lead(brush(replace(studio.easel, workspace=low)), proposed)
 
 
 def test_a_person_is_asked_for_paper_where_nobody_else_lays_it_and_may_correct_what_was_found():
@@ -217,12 +203,12 @@ def test_a_person_is_asked_for_paper_where_nobody_else_lays_it_and_may_correct_w
         return question.proposal
 
     finding = lead(brush(replace(studio.easel, operator=Helper())), person)
+    record = finding.enter(studio.easel.calibration)
     assert sum(text.startswith("Lay") for text in asked) >= 2
     assert abs(jogs[0].height - studio.touch_height) < 0.0003
     assert jogs[0].proposal == OK and jogs[0].picture is not None
-    assert finding.touch_height == pytest.approx(jogs[0].height + 0.0005)
-    assert finding.exactness == 0.0005
-    assert finding.ended == "as set by hand"
+    assert record.touch_height == pytest.approx(jogs[0].height + 0.0005)
+    assert record.done["brush"].residual == 0.0005 and "as set by hand; found in" in finding.sentence
     with pytest.raises(CalibrationError, match="Without paper"):
         lead(
             brush(replace(studio.easel, operator=Helper())),

@@ -10,6 +10,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from frida_painter_calibration.procedures.canvas import POINTING, canvas
+from papers import proposed
 from support.easel import CALIBRATION, stub_easel
 
 
@@ -33,25 +34,25 @@ def ignorant(easel: Easel) -> Easel:
 
 def test_the_proposal_is_right_and_enters_the_record(studio: VirtualStudio) -> None:
     easel = ignorant(studio.easel)
-    found = lead(canvas(easel), lambda question: question.proposal)
-    assert off(found.corners, studio) < 0.6 and not found.pointed
-    assert found.picture is not None and found.picture.shape[0] == 3
-    assert "barrel" in found.sentence
+    found = lead(canvas(easel), proposed)
     record = found.enter(easel.calibration)
-    assert record.corners == found.corners and record.lens == found.lens is not None
+    assert off(record.corners, studio) < 0.6 and record.lens is not None
+    assert "by its edges, each seen over at least" in found.sentence and "barrel" in found.sentence
+    assert found.picture is not None and found.picture.shape[0] == 3 and record.bare is not None
     assert (record.camera, record.canvas) == ("virtual camera", CanvasSize(0.20, 0.15))
-    assert list(record.done) == ["canvas"] and record.done["canvas"].residual == found.residual < 0.5
+    assert list(record.done) == ["canvas"] and record.done["canvas"].residual < 0.5
 
 
 def test_the_corners_that_a_person_gives_override(studio: VirtualStudio) -> None:
     mine = tuple((column + 1.5, row - 1.0) for column, row in studio.camera.corners)
     found = lead(canvas(studio.easel), lambda question: mine)
-    assert found.corners == mine and found.pointed
-    assert found.lens is not None, "the edges near them still tell the lens"
-    assert found.residual == pytest.approx(np.hypot(1.5, 1.0), abs=0.4), "and how well was pointed"
+    record = found.enter(studio.easel.calibration)
+    assert record.corners == mine and "where you pointed" in found.sentence
+    assert record.lens is not None, "the edges near them still tell the lens"
+    assert record.done["canvas"].residual == pytest.approx(np.hypot(1.5, 1.0), abs=0.4), "and how well was pointed"
     elsewhere = ((100.0, 100.0), (700.0, 110.0), (690.0, 500.0), (120.0, 490.0))
-    far = lead(canvas(studio.easel), lambda question: elsewhere)
-    assert far.corners == elsewhere and far.residual == POINTING and far.lens is None
+    far = lead(canvas(studio.easel), lambda question: elsewhere).enter(studio.easel.calibration)
+    assert far.corners == elsewhere and far.done["canvas"].residual == POINTING and far.lens is None
 
 
 def test_three_corners_are_no_canvas(studio: VirtualStudio) -> None:
@@ -82,5 +83,5 @@ def test_where_no_canvas_is_seen_the_reason_is_told_and_a_person_can_point() -> 
         lead(canvas(easel), lambda question: asked.append(question))
     (question,) = asked
     assert isinstance(question, PointCorners) and question.proposal is None and "cannot be told" in question.text
-    found = lead(canvas(easel), lambda question: CALIBRATION.corners)
-    assert found.corners == CALIBRATION.corners and found.residual == POINTING
+    found = lead(canvas(easel), lambda question: CALIBRATION.corners).enter(easel.calibration)
+    assert found.corners == CALIBRATION.corners and found.done["canvas"].residual == POINTING

@@ -12,8 +12,8 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.layout import Layout
 from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.robot import Waypoints
+from frida_painter_calibration.machine_setup import SetupOrder, lead_setup
 from frida_painter_calibration.procedures.workspace import Bench, try_lift
-from frida_painter_calibration.setup_dialogue import SetupOrder, lead_setup
 from machines import grbl
 from machines.simulated_time import SimulatedTime, simulated_time
 from support.easel import CALIBRATION, CANVAS, NotingRobot, PatientCamera

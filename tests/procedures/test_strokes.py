@@ -5,20 +5,19 @@ import numpy as np
 import pytest
 
 from frida_painter.brush.library import Flaw, StrokeLibrary
-from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Confirm, lead
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, FridaError, RobotError
 from frida_painter.hardware.faults import Bump, Faults, LightChange, LostFocus
-from frida_painter_calibration.procedures.paper import Shapes
-from frida_painter_calibration.procedures.strokes import StrokesFinding, strokes, unfinished_folder
+from frida_painter_calibration.procedures.paper import sample_strokes
+from frida_painter_calibration.procedures.strokes import RecordedStrokes, strokes, unfinished_folder
 from killing import ForkedProcess
 from papers import KIND, PLACES, dark_bar, paper_studio, proposed, spoiled
 
 COUNT = 7
 
 
-def paint(easel, out=None, *, count=COUNT, answer=proposed, **kwargs) -> StrokesFinding:
+def paint(easel, out=None, *, count=COUNT, answer=proposed, **kwargs) -> RecordedStrokes:
     return lead(strokes(easel, KIND, out, count=count, seed=4, **kwargs), answer)
 
 
@@ -39,7 +38,7 @@ def test_each_stroke_is_painted_photographed_and_told(undisturbed):
 
 def test_shapes_are_drawn_from_the_seed_within_the_brushs_limits(undisturbed):
     library = undisturbed[0].library
-    wanted = Shapes.sample(KIND, COUNT, 4)
+    wanted = sample_strokes(KIND, COUNT, 4)
     np.testing.assert_array_equal(library.length_m, wanted.length.numpy())
     np.testing.assert_array_equal(library.thickness, wanted.thickness.numpy())
     assert ((library.length_m >= 0.010) & (library.length_m <= 0.030)).all()
@@ -60,17 +59,6 @@ def test_a_crop_holds_the_whole_frame_of_the_brush(undisturbed):
     frame, wanted = undisturbed[0].library.frame, KIND.frame
     assert frame.left <= wanted.left < wanted.right <= frame.right
     assert frame.bottom <= wanted.bottom < wanted.top <= frame.top
-
-
-def test_the_contact_sheet_and_the_record(undisturbed, tmp_path):
-    easel = paper_studio().easel
-    assert undisturbed[0].picture.shape[0] == 3
-    with pytest.raises(CalibrationError, match="not saved"):
-        undisturbed[0].enter(easel.calibration)
-    finding = paint(easel, tmp_path / "library.npz", count=2)
-    record = finding.enter(easel.calibration)
-    assert isinstance(record, Calibration) and record.library.path.endswith("library.npz")
-    assert 0 < record.done["strokes"].residual < 0.1
 
 
 def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():

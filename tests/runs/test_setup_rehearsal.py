@@ -14,7 +14,7 @@ import pytest
 from frida_painter.hardware.preset import find_preset
 from frida_painter.session.events import Remark
 from frida_painter.session.setup_events import SetupWritten
-from frida_painter_calibration.setup_dialogue import SetupEvent
+from frida_painter_calibration.machine_setup import SetupEvent
 from machines.ebb import EbbController
 from machines.grbl import router
 from machines.newcomer import (

@@ -145,7 +145,7 @@ def test_the_canvas_calibration_keeps_a_bare_canvas_and_no_other(painted: Virtua
     assert Calibration.load(tmp_path / "record.json").bare == record.bare
     corners = painted.easel.calibration.corners
     pointed = lead(canvas_procedure(painted.easel), lambda question: corners)
-    assert pointed.bare is None and "not bare" in pointed.sentence
+    assert pointed.enter(painted.easel.calibration).bare is None and "not bare" in pointed.sentence
 
 
 @pytest.mark.parametrize("light", [((0.0,) * 15,) * 2, ((float("nan"),) * 15,) * 3, ((0.0,) * 14,) * 3])

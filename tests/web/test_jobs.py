@@ -13,7 +13,7 @@ from frida_painter.event_log import FEED, EventLog
 from frida_painter.session import events
 from frida_painter.session.making_events import MakingStarted
 from frida_painter.session.setup_events import SetupLeft, SetupStarted, SetupStepBegan
-from frida_painter_calibration.machine_setup import STEPS
+from frida_painter_calibration.procedures.workspace import STEPS
 from frida_painter_studio.commands import Role
 from frida_painter_studio.jobs import (
     JOBS,

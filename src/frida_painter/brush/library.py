@@ -243,8 +243,7 @@ class StrokeLibrary:
         cannot be found in its photograph, ImageError.
         """
         cut = _CUT_STROKES(photographs, shapes, sheet, paint, around)
-        recorded = np.arange(len(cut.length_m), dtype=np.int32)
-        made = cls(**vars(cut), recorded_index=recorded)
+        made = cls(**cut, recorded_index=np.arange(len(cut["length_m"]), dtype=np.int32))
         return replace(made, flaws=judge_marks(made))
 
     def save(self, path: str | Path) -> None:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Generator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -171,19 +171,18 @@ Procedure = Generator[Question, Answer, Found]
 SetupStep = Generator[SetupQuestion, Answer, Found]
 
 
-class Finding(Protocol):
-    """Result of a procedure; each procedure implements it as a frozen dataclass."""
+@dataclass(frozen=True)
+class Finding:
+    """Result of a calibration procedure.
 
-    @property
-    def sentence(self) -> str:
-        """Result and its accuracy, in one or two lines of plain words."""
+    sentence: result and its accuracy, in one or two lines of plain words
+    picture: of the result, sRGB [3, h, w] in [0, 1]; None if there is nothing to see
+    enter: returns a calibration with this part replaced
+    """
 
-    @property
-    def picture(self) -> "Tensor | None":
-        """Picture of the result: sRGB [3, h, w] in [0, 1]; None if there is nothing to see."""
-
-    def enter(self, record: "Calibration") -> "Calibration":
-        """Returns the calibration with this part replaced, through `record.with_<procedure>(...)`."""
+    sentence: str
+    picture: "Tensor | None"
+    enter: "Callable[[Calibration], Calibration]"
 
 
 def lead(procedure: Generator[Asked, Answer, Found], answer: Callable[[Asked], Answer]) -> Found:

@@ -1,9 +1,10 @@
 """Commands for an easel: calibrate, doctor, parts and arm."""
 
 import sys
+from contextlib import ExitStack, nullcontext
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -20,6 +21,9 @@ from frida_painter.options import (
     whole_number_within,
 )
 from frida_painter.registry import Later
+
+if TYPE_CHECKING:
+    from frida_painter.easel.dialogue import Answer, Question
 
 _check_parts = Later("frida_painter.plugins.conformance:check")
 
@@ -118,25 +122,54 @@ def calibrate(
     runs the five procedures in order. surface is for an uneven canvas: the heights of five or nine points, by touch,
     by your eye or from marks, make a map that every stroke follows.
     """
+    from rich.console import Console
+
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.calibration import PROCEDURES
+    from frida_painter.cli.terminal import terminal_at
     from frida_painter.devices import prepare_process
-    from frida_painter_calibration.calibrating import CalibrationSetup, default_record, easel_of
-    from frida_painter_calibration.commands.calibration import easel_spec, enter_heights, lead_all, learn_from_marks
+    from frida_painter.easel.connecting import connect_easel
+    from frida_painter_calibration.calibrating import (
+        CalibrationSetup,
+        calibrate_one,
+        default_record,
+        easel_of,
+        easel_spec,
+        record_to_renew,
+    )
 
+    if what is not What.surface and (heights or marks or picture):
+        raise ConfigError("--heights, --marks and --picture are for calibrate surface; leave them out.")
     prepare_process()
     spec = easel_spec(robot, camera, workspace, canvas, brush, seed, placement_error)
-    names = PROCEDURES if what is What.all else (what.value,)
-    with easel_of(spec) as here:
-        path = (record or default_record(here.calibration.easel)).absolute()
-        setup = CalibrationSetup(here, brush_kind(brush), path, seed, count, print, refill_every, points)
-        if heights is not None:
-            enter_heights(heights, setup, what.value)
-            return
-        if marks or picture is not None:
-            learn_from_marks(setup, what.value, picture, ask=ask or not here.simulated)
-            return
-        lead_all(names, setup, anew=what is What.all, ask=ask or not here.simulated)
+    with easel_of(spec) as easel, ExitStack() as stack:
+        path = (record or default_record(easel.calibration.easel)).absolute()
+        known = record_to_renew(path, easel.calibration, anew=what is What.all)
+        ask = ask or not easel.simulated
+        console = Console(stderr=True, highlight=False)
+        terminal = terminal_at(path.parent, console)
+        answer = terminal.answer if ask else _take_proposal
+        if heights is None and picture is None:
+            stack.callback(easel.robot.close)
+            stack.callback(easel.camera.close)
+            easel = connect_easel(easel, answer if ask else None, terminal.tell)
+        for name in PROCEDURES if what is What.all else (what.value,):
+            # A dialogue would overwrite a line of progress.
+            with nullcontext() if ask else console.status(f"{name} ...") as line:
+                setup = CalibrationSetup(
+                    easel, brush_kind(brush), path, seed, count, line.update if line else lambda words: None,
+                    refill_every, points, heights, marks, picture,
+                )  # fmt: skip
+                finding, known = calibrate_one(name, setup, known, answer)
+            print(f"{name}: {finding.sentence}")
+            if finding.picture is not None:
+                print(f"  {setup.beside(name, 'png')}")
+    print(f"The record: {path}")
+
+
+def _take_proposal(question: "Question") -> "Answer":
+    """Returns the proposal, as the answer of the virtual studio."""
+    return question.proposal  # type: ignore[return-value]  # None if nothing was found: the procedure says what to do
 
 
 def doctor(
@@ -160,8 +193,7 @@ def doctor(
         fit = examine_machine(robot, workspace)
         if workspace is None or not camera:
             raise typer.Exit(0 if fit else 1)
-    from frida_painter_calibration.calibrating import default_record, easel_of
-    from frida_painter_calibration.commands.calibration import easel_spec
+    from frida_painter_calibration.calibrating import default_record, easel_of, easel_spec
 
     with easel_of(easel_spec(robot, camera, workspace, canvas, brush, seed, None)) as easel:
         here = easel.calibration

@@ -9,7 +9,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.options import BrushOption, out_folder
 
 if TYPE_CHECKING:
-    from frida_painter_calibration.setup_dialogue import SetupEvent
+    from frida_painter_calibration.machine_setup import SetupEvent
 
 
 def setup(
@@ -60,7 +60,7 @@ def setup(
     from frida_painter.cli.terminal import GuidingKeys, terminal_at
     from frida_painter.devices import prepare_process
     from frida_painter.hardware.preset import read_preset
-    from frida_painter_calibration.setup_dialogue import SetupOrder, lead_setup
+    from frida_painter_calibration.machine_setup import SetupOrder, lead_setup
 
     if presets:
         _list_presets()
@@ -96,7 +96,7 @@ def _tell(event: "SetupEvent") -> None:
     """Prints what happens in a setup."""
     from frida_painter.session.events import Remark
     from frida_painter.session.setup_events import MachineTold, SetupStands, SetupStepBegan, SetupWritten
-    from frida_painter_calibration.machine_setup import STEPS
+    from frida_painter_calibration.procedures.workspace import STEPS
 
     match event:
         case Remark(sentence):
@@ -105,7 +105,7 @@ def _tell(event: "SetupEvent") -> None:
             for fact in facts:
                 print(f"{_MARKS[fact['weight']]}{fact['text']}")
         case SetupStepBegan(name):
-            print(f"\nStep {list(STEPS).index(name) + 1} of {len(STEPS)}: {STEPS[name]}")
+            print(f"\nStep {list(STEPS).index(name) + 1} of {len(STEPS)}: {STEPS[name][0]}")
         case SetupWritten(workspace, record, sheet, commands):
             print(f"\nThe workspace: {workspace}\nThe calibration record: {record}\nBoth as a picture: {sheet}")
             for each in commands:

@@ -27,7 +27,7 @@ from frida_painter.options import BrushOption, ListingOption, SeedOption, out_fi
 if TYPE_CHECKING:
     from frida_painter.brush.kinds import BrushKind
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter_calibration.procedures.strokes import StrokesFinding
+    from frida_painter_calibration.procedures.strokes import RecordedStrokes
     from frida_painter_calibration.teaching.evaluation import Evaluation, Learned, Likelihood
 
 
@@ -63,8 +63,8 @@ def evaluate_model(
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.weights import load_stroke_model
     from frida_painter.devices import prepare_process
-    from frida_painter_calibration.sheets.training_page import evaluation_page
     from frida_painter_calibration.teaching.evaluation import evaluate, likelihood
+    from frida_painter_calibration.teaching.learned_pages import evaluation_page
 
     if page is not None and page.suffix != ".html":
         raise ConfigError(f"--page was given {str(page)!r}; a page goes into a file that ends in .html.")
@@ -181,8 +181,8 @@ def train(
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.devices import prepare_process
-    from frida_painter_calibration.sheets.training_page import training_page
     from frida_painter_calibration.teaching.evaluation import cross_validate
+    from frida_painter_calibration.teaching.learned_pages import training_page
     from frida_painter_calibration.teaching.training import TrainingProgress
 
     if out.suffix != ".safetensors" or out.is_dir():
@@ -259,7 +259,7 @@ def learn_on(bar: Progress, model: str, library: "StrokeLibrary", kind: "BrushKi
     return learn(model, library, kind, seed=seed, notify=hear)
 
 
-def paint_library(kind: "BrushKind", out: Path, count: int, seed: int, refill_every: int = 1) -> "StrokesFinding":
+def paint_library(kind: "BrushKind", out: Path, count: int, seed: int, refill_every: int = 1) -> "RecordedStrokes":
     """Has the virtual studio paint a library of strokes of a brush into a file, and shows the progress."""
     from frida_painter.brush.library import Flaw
     from frida_painter.easel.dialogue import lead
@@ -307,7 +307,7 @@ def paint(
     from frida_painter import images
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.devices import prepare_process
-    from frida_painter_calibration.procedures.strokes import unfinished_folder
+    from frida_painter_calibration.procedures.strokes import contact_sheet, unfinished_folder
 
     kind = brush_kind(brush)
     if out.suffix != ".npz":
@@ -317,8 +317,8 @@ def paint(
         print(f"Going on with the strokes in {unfinished_folder(out)}.")
     finding = paint_library(kind, out, count, seed, refill_every)
     sheet = out.with_suffix(".png")
-    images.save(finding.picture, sheet)
-    print(f"{finding.sentence}\nContact sheet: {sheet}")
+    images.save(contact_sheet(finding.library, f"Strokes of the {kind.name} brush"), sheet)
+    print(f"{finding.sentence}: {out}\nContact sheet: {sheet}")
 
 
 def inspect(

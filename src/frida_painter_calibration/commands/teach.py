@@ -98,8 +98,8 @@ def teach(
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.devices import prepare_process
-    from frida_painter_calibration.sheets.family_sheet import family_sheet
     from frida_painter_calibration.teaching.families import write_family
+    from frida_painter_calibration.teaching.learned_pages import family_sheet
     from frida_painter_calibration.teaching.marks import learn_family, read_marks
 
     out = out or Path(f"{name}.safetensors")

@@ -9,6 +9,7 @@ from frida_painter.cli.leading import confirm, tell
 from frida_painter.cli.stop_signal import stop_on_signals
 from frida_painter.cli.terminal import terminal_at
 from frida_painter.easel.connecting import connect_easel
+from frida_painter.easel.dialogue import lead
 from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.gateway import RobotGateway
@@ -18,8 +19,8 @@ from frida_painter.runs.painting_folder import history_of, read_spec
 from frida_painter.runs.run import PaintingRun
 from frida_painter.session.opening import load_record
 from frida_painter.session.outline import plan_outlines, trace_outlines
-from frida_painter_calibration.calibrating import easel_of
-from frida_painter_calibration.commands.calibration import easel_spec, point_corners
+from frida_painter_calibration.calibrating import easel_of, easel_spec
+from frida_painter_calibration.procedures.paper import ask_for_corners
 
 # Work of `trace`: the outlines of canvas and painting, in the air.
 
@@ -78,7 +79,8 @@ def give_picture(folder: Path, picture: Path, corners: Corners | None, *, ask: b
         )
     given = GivenPicture(picture, corners)
     if ask:
-        given = replace(given, corners=point_corners(given.load(), spec.canvas, terminal_at(folder).answer, corners))
+        pointing = ask_for_corners(given.load(), spec.canvas, corners)
+        given = replace(given, corners=lead(pointing, terminal_at(folder).answer))
     seen = check_picture(folder, given)
     if is_finished(folder):
         history = history_of(folder)

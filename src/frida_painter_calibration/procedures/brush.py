@@ -4,112 +4,36 @@ Either a person lowers the brush with jog keys, or the painter finds the heights
 small steps, and photographs the width of the mark that a short stroke leaves.
 """
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
 
-from frida_painter.calibration import Calibration
-from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, Procedure, Question
+from frida_painter import images
+from frida_painter.easel.dialogue import Answer, Confirm, Finding, Jog, JogMove, Measure, Procedure, Question
 from frida_painter.errors import CalibrationError
+from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.sheet import CREAM, INK, LINE, SOFT, Grid, Sheet
-from frida_painter_calibration.procedures.paper import WHITE, EaselAccess, Trial, TrialPaper, ask_for_paper, ceiling
-
-# Picture of a brush calibration: trial strokes from the lightest to the hardest, with their widths.
-
-_ROWS, _COLUMNS = 640, 1500
-_MARGIN, _SHOWN, _GAP = 60, 9, 12
-_STRIP_TOP, _STRIP_HEIGHT = 62, 142
-_MILLIMETRES = 46.0  # across one place of the strip
-_PLOT_TOP = 250
-_AXES = (118, 18, 1430, 322)  # left, top, right, bottom of the plot, below _PLOT_TOP
-_FINER = 2
-_TOUCH, _PRESS = (46, 110, 166), (178, 62, 48)
-
-
-def brush_sheet(trials: Sequence[Trial], touch: float, press: float) -> Tensor:
-    """Returns the picture of a brush calibration, sRGB [3, 640, 1500] in [0, 1].
-
-    touch, press: the two heights, robot z in metres
-    """
-    sheet = Sheet(_COLUMNS, _ROWS, CREAM)
-    title = "Short strokes, pressed ever harder (millimetres below the lightest touch)"
-    sheet.text((_MARGIN, 20), title, 20, INK)
-    strip = Grid.divide(_COLUMNS - 2 * _MARGIN, _MARGIN, _STRIP_TOP, _SHOWN, _STRIP_HEIGHT, across=_GAP)
-    for number, trial in enumerate(_chosen(trials, touch)):
-        depth = f"{round(1000 * (touch - trial.height), 1) + 0:.1f}" if trial.marked else "no mark"
-        sheet.cell(strip.corner(number), _look(trial, strip.width), depth, size=17, gap=6)
-    sheet.paste(_plot(trials, touch, press), (0, _PLOT_TOP))
-    return sheet.tensor()
-
-
-def _chosen(trials: Sequence[Trial], touch: float) -> list[Trial]:
-    """Returns as many trials as fit: one without a mark, then evenly spaced ones, each once."""
-    bare = [trial for trial in trials if not trial.marked]
-    left = [trial for trial in trials if trial.marked]
-    chosen = [min(bare, key=lambda trial: trial.height)] if bare else []
-    for height in np.linspace(touch, min(trial.height for trial in trials), _SHOWN - len(chosen)):
-        if left:
-            nearest = min(left, key=lambda trial: abs(trial.height - height))
-            chosen.append(nearest)
-            left.remove(nearest)
-    return sorted(chosen, key=lambda trial: (trial.marked, -trial.height))
-
-
-def _look(trial: Trial, width: int) -> Image.Image:
-    """Returns the middle of a trial's picture on white paper; all trials have the same scale."""
-    picture = Image.fromarray((255 * trial.look.permute(1, 2, 0).numpy()).round().astype(np.uint8))
-    scale = 1000 * trial.pitch * width / _MILLIMETRES
-    size = max(1, round(picture.width * scale)), max(1, round(picture.height * scale))
-    place = Image.new("RGB", (width, _STRIP_HEIGHT), (255, 255, 255))
-    resized = picture.resize(size, Image.Resampling.LANCZOS)
-    place.paste(resized, ((width - size[0]) // 2, (_STRIP_HEIGHT - size[1]) // 2))
-    return place
-
-
-def _plot(trials: Sequence[Trial], touch: float, press: float) -> Image.Image:
-    """Returns a plot of the mark's width over depth, with a dot for every trial."""
-    size = _COLUMNS, _ROWS - _PLOT_TOP
-    plot = Sheet(_FINER * size[0], _FINER * size[1], CREAM)
-    left, top, right, bottom = (_FINER * side for side in _AXES)
-    deepest = 1000 * (touch - min(press, *(trial.height for trial in trials)))
-    first, last = -0.2 * deepest, 1.06 * deepest
-    widest = 1.12 * max(1.0, *(1000 * trial.width for trial in trials))
-
-    def across(depth: float) -> float:
-        return left + (right - left) * (depth - first) / (last - first)
-
-    def up(width: float) -> float:
-        return bottom - (bottom - top) * width / widest
-
-    for width in _ticks(widest):
-        plot.draw.line((left, up(width), right, up(width)), fill=LINE, width=_FINER)
-        plot.text((left - 20, up(width)), f"{width:g}", 17 * _FINER, SOFT, "rm")
-    for depth in _ticks(last):
-        plot.text((across(depth), bottom + 16), f"{depth:g}", 17 * _FINER, SOFT, "ma")
-    for depth, color, name in ((0.0, _TOUCH, "lightest touch"), (1000 * (touch - press), _PRESS, "hardest press")):
-        plot.draw.line((across(depth), top, across(depth), bottom), fill=color, width=2 * _FINER)
-        plot.text((across(depth) - 16, top + 4), name, 18 * _FINER, color, "ra")
-    for trial in trials:
-        depth = 1000 * (touch - trial.height)
-        if depth >= first:
-            x, y, radius = across(depth), up(1000 * trial.width), 5 * _FINER
-            dot = (x - radius, y - radius, x + radius, y + radius)
-            plot.draw.ellipse(dot, fill=INK if trial.marked else CREAM, outline=INK, width=_FINER)
-    below = "mm below the lightest touch; up: width of the mark, mm; open dots: no mark"
-    plot.text((right, bottom + 60), below, 17 * _FINER, SOFT, "ra")
-    return plot.shrink(*size)
-
-
-def _ticks(most: float) -> list[float]:
-    """Returns about six round numbers from 0 to `most`."""
-    step = next(step for step in (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 1000.0) if most / step <= 7)
-    return [step * number for number in range(int(most / step) + 1)]
-
+from frida_painter.perception.color import true_color
+from frida_painter.perception.flatfield import FlatField
+from frida_painter.perception.rectify import rectify
+from frida_painter.plan import WHITE
+from frida_painter.report.chart import Series, chart
+from frida_painter.sheet import CREAM, Grid, Sheet
+from frida_painter_calibration.procedures.paper import (
+    LENGTH,
+    EaselAccess,
+    ask_for_paper,
+    ceiling,
+    fill_with_black,
+    short_stroke,
+    window,
+)
 
 LONGEST_BRUSH = 0.5
 """Greatest protrusion of a brush, metres."""
@@ -117,6 +41,9 @@ ABOVE_FLOOR = 0.002
 """Distance to the floor of the workspace during trial strokes, metres."""
 # Cells for trial strokes (m): for light strokes and for pressed ones.
 _SMALL_CELL, _LARGE_CELL = (0.030, 0.018), (0.050, 0.042)
+_PITCH, _EDGE = 0.0005, 0.004  # metres of a pixel at least, and between the cells and the edge of the paper
+# A pixel belongs to a mark if it is darkened by at least this share; a mark has at least this area, m2.
+_DARKENED, _SMALLEST = 0.25, 2e-6
 # Step of the first descent until a mark appears: this share of the way to the expected paper, but at least this many
 # metres.
 _SHARE, _LOWERING = 0.2, 0.0015
@@ -124,184 +51,162 @@ _SHARE, _LOWERING = 0.2, 0.0015
 _FINEST, _TURNS, _COUNTED, _MAX = 0.0001, 12, 8, 60
 # Press harder, with some strokes per step, until two successive steps widen the mark by less than this share.
 _PRESSING, _EACH, _WIDENING = 0.001, 2, 0.04
-# A mark narrower than this share of the widest one means a fault.
-_NARROWER = 0.85
+_NARROWER = 0.85  # a mark narrower than this share of the widest one means a fault
 _BY_EYE = 0.0005
 _THERE = 0.001
 
 
-@dataclass(frozen=True)
-class BrushFinding:
-    """Result of the brush procedure, lengths in metres.
-
-    brush: name of the brush
-    touch_height, press_height: robot z
-    exactness: accuracy of the touch height
-    protrusion: from the flange to the tip; None if unknown
-    trials: strokes from which the heights were found; empty if a person set them
-    ended: reason for which pressing ended, in words
-    """
-
-    brush: str
-    touch_height: float
-    press_height: float
-    exactness: float
-    protrusion: float | None
-    trials: tuple[Trial, ...]
-    ended: str
-
-    @property
-    def sentence(self) -> str:
-        """Result in plain words."""
-        touch, press = 1000 * self.touch_height, 1000 * self.press_height
-        how = f"found in {len(self.trials)} trial strokes" if self.trials else "set by hand"
-        return (
-            f"The {self.brush} brush touches at {touch:.2f} mm (to {1000 * self.exactness:.2f} mm) and is pressed down "
-            f"to {press:.2f} mm, {touch - press:.1f} mm further, {self.ended}; {how}."
-        )
-
-    @property
-    def picture(self) -> Tensor | None:
-        """Trial strokes and their widths; None if a person set the heights."""
-        return brush_sheet(self.trials, self.touch_height, self.press_height) if self.trials else None
-
-    def enter(self, record: Calibration) -> Calibration:
-        """Returns the calibration with this brush and its heights."""
-        return record.with_brush(
-            self.brush, self.touch_height, self.press_height, protrusion=self.protrusion, residual=self.exactness
-        )
-
-
-def brush(
-    easel: Easel,
-    *,
-    name: str | None = None,
-    deepest: float | None = None,
-    ground: tuple[float, float, float] = WHITE,
-) -> Procedure[BrushFinding]:
+def brush(easel: Easel, *, name: str | None = None) -> Procedure[Finding]:
     """Finds the two heights of a brush, or asks a person for them.
 
     name: of the brush; None for that of the calibration
-    deepest: metres by which the brush may be pressed below its lightest touch; None if unknown
-    ground: colour of the paper (sRGB)
-
     Raises CalibrationError if no mark appears, the heights are impossible, or an answer is no height.
     Raises WorkspaceViolation before anything leaves the workspace, RobotError, CameraError and their subclasses.
     """
-    record = easel.calibration
-    protrusion = yield Measure(
+    record, name = easel.calibration, name or easel.calibration.brush
+    answer = yield Measure(
         "How far does the brush protrude, from the robot's flange to the tip of its bristles (metres)?",
         0.0,
         LONGEST_BRUSH,
         record.protrusion,
     )
+    protrusion: float | None = None
+    if answer is not None:
+        if isinstance(answer, bool) or not isinstance(answer, int | float) or not 0 <= answer <= LONGEST_BRUSH:
+            raise CalibrationError(
+                f"A brush that protrudes by {answer} m was given; it is 0 to {LONGEST_BRUSH:g} m. Repeat the brush "
+                "calibration."
+            )
+        protrusion = float(answer)
     looking = yield Confirm(
         "The heights can be found by looking: the brush is dipped in black paint in well 1 and lowered in small steps "
         "until it marks the paper. Shall the painter do that? (If not, you lower it with the jog keys.)"
     )
     # The limit is the floor of the workspace, not the calibrated press, because the procedure searches for the press.
-    access = EaselAccess(easel, lowest=easel.workspace.lower[2])
-    found = (yield from _by_looking(access, deepest, ground)) if looking is True else _Found()
-    paper = easel.canvas.width / 2, easel.canvas.height / 2
-    place = found.place or paper
+    trials = Trials(EaselAccess(easel, lowest=easel.workspace.lower[2]))
+    found: tuple[float | None, float | None] = None, None
+    exactness, ended, picture = _BY_EYE, "as set by hand", None
+    if looking is True:
+        lightest, exactness = yield from _find_touch(trials)
+        trials.place, trials.cell = None, _LARGE_CELL
+        hardest, ended = yield from _find_press(trials, lightest)
+        found = lightest, hardest
+        picture = draw_trials(trials, lightest, hardest)
     touch = yield from _jog(
-        access, place, found, found.touch, ceiling(easel), "the lightest touch: the tip only just meets the paper"
+        trials, found[0], ceiling(easel), "the lightest touch: the tip only just meets the paper", picture
     )
     press = yield from _jog(
-        access,
-        place,
-        found,
-        found.press,
-        touch,
-        "the hardest press: the bristles are spread, and nothing bends for good",
+        trials, found[1], touch, "the hardest press: the bristles are spread, and nothing bends for good", picture
     )
-    access.step_aside()
-    by_hand = found.touch != touch or found.press != press
-    return BrushFinding(
-        brush=name or record.brush,
-        touch_height=touch,
-        press_height=_below(press, touch),
-        exactness=_BY_EYE if found.touch != touch else found.exactness,
-        protrusion=_protrusion(protrusion),
-        trials=found.trials,
-        ended="as set by hand" if by_hand else found.ended,
+    trials.access.gateway.step_aside()
+    if not press < touch:
+        raise CalibrationError(
+            f"The hardest press ({1000 * press:.2f} mm) is not below the lightest touch ({1000 * touch:.2f} mm); "
+            "repeat the brush calibration."
+        )
+    exactness = exactness if found[0] == touch else _BY_EYE
+    ended = ended if found == (touch, press) else "as set by hand"
+    return Finding(
+        f"The {name} brush touches at {1000 * touch:.2f} mm (to {1000 * exactness:.2f} mm) and is pressed down to "
+        f"{1000 * press:.2f} mm, {1000 * (touch - press):.1f} mm further, {ended}; "
+        + (f"found in {len(trials.done)} trial strokes." if trials.done else "set by hand."),
+        draw_trials(trials, touch, press) if trials.done else None,
+        lambda known: known.with_brush(name, touch, press, protrusion=protrusion, residual=exactness),
     )
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Result of the trial strokes; the defaults stand for no trials."""
+class Trial:
+    """Trial stroke at robot z `height` in metres.
 
-    touch: float | None = None
-    press: float | None = None
-    exactness: float = _BY_EYE
-    ended: str = "as set by hand"
-    place: tuple[float, float] | None = None
-    trials: tuple[Trial, ...] = ()
+    width: of its mark, metres; 0 if it left none
+    look: picture of its cell [3, h, w]
+    """
+
+    height: float
+    width: float
+    look: Tensor
 
     @property
-    def picture(self) -> Tensor | None:
-        if self.touch is None or self.press is None:
-            return None
-        return brush_sheet(self.trials, self.touch, self.press)
+    def marked(self) -> bool:
+        """True if the stroke left a mark."""
+        return self.width > 0
 
 
-class _Trials:
-    """Trial strokes, one after another, on as many sheets of paper as needed."""
+class Trials:
+    """Short trial strokes, each on a free cell of bare paper, on as many sheets as needed.
 
-    def __init__(self, access: EaselAccess, ground: tuple[float, float, float]) -> None:
-        self._access, self._ground = access, ground
-        self._paper: TrialPaper | None = None
-        self._cell = _SMALL_CELL
+    done: strokes so far
+    cell: width and height of a stroke's place on the next sheet, metres
+    place: middle of the next free cell, canvas metres; None if a new sheet is needed
+    """
+
+    def __init__(self, access: EaselAccess) -> None:
+        self.access, easel = access, access.easel
+        one, other = np.array(easel.calibration.corners[:2])
+        pitch = max(_PITCH, easel.canvas.width / float(np.linalg.norm(other - one)))
+        self.grid = PixelGrid.of_height(easel.canvas, max(8, round(easel.canvas.height / pitch)))
         self.done: list[Trial] = []
-
-    @property
-    def place(self) -> tuple[float, float] | None:
-        return self._paper.free_place if self._paper else None
-
-    def start_over(self, cell: tuple[float, float]) -> None:
-        """Makes the next stroke use fresh paper with cells of that size."""
-        self._paper, self._cell = None, cell
+        self.cell = _SMALL_CELL
+        self.place: tuple[float, float] | None = None
 
     def at(self, height: float) -> Generator[Question, Answer, Trial]:
-        """Paints a trial stroke; asks a person for paper if the operator cannot lay it."""
-        if self._paper is None or self._paper.is_full:
+        """Dips, paints a horizontal stroke at robot z `height`, and photographs it. A cell without a mark stays free.
+
+        Raises CalibrationError without paper, FrameRejected if it is not bare, RobotError, CameraError.
+        """
+        easel = self.access.easel
+        if self.place is None:
             yield from ask_for_paper(
-                self._access.easel,
+                easel,
                 "Lay a bare sheet of paper on the canvas's place. Does it lie there?",
                 "Without paper no mark can be seen; repeat the brush calibration.",
             )
-            self._paper = TrialPaper(self._access, self._cell, self._ground)
-        trial = self._paper.stroke(height)
+            fill_with_black(easel)
+            bare = rectify(self.access.photograph().image, easel.calibration, self.grid)
+            self._light = FlatField.learn(bare, WHITE)
+            self._seen = true_color(self._light.correct(bare), easel.calibration)
+            self._cells = self._spread_cells()
+            self.place = next(self._cells)
+        stroke = short_stroke(easel, self.place, LENGTH, height)
+        self.access.gateway.perform([Motion(easel.workspace, easel.calibration).dip(0), stroke])
+        picture = rectify(self.access.photograph().image, easel.calibration, self.grid)
+        before, self._seen = self._seen, true_color(self._light.correct(picture), easel.calibration)
+        here = window(self.grid, self.place, *self.cell)
+        look = self._seen[:, *here]
+        trial = Trial(height, self._measure(before[:, *here].mean(0).numpy(), look.mean(0).numpy()), look)
+        if trial.marked:
+            self.place = next(self._cells, None)
         self.done.append(trial)
         return trial
 
+    def _measure(self, before: NDArray[np.float32], after: NDArray[np.float32]) -> float:
+        """Returns the width in metres of the mark that appeared in a cell [h, w]; 0 if there is none."""
+        # The brightest pixels are paper; they show how the light has changed.
+        change = float(np.quantile(before, 0.8)) / max(1e-3, float(np.quantile(after, 0.8)))
+        mark = after * change < (1 - _DARKENED) * before
+        across, down = self.grid.pitch
+        if not mark.sum() * across * down >= _SMALLEST:
+            return 0.0
+        columns = mark.sum(0)
+        return float(np.quantile(columns[columns > 0], 0.75)) * down
 
-def _by_looking(
-    access: EaselAccess, deepest: float | None, ground: tuple[float, float, float]
-) -> Generator[Question, Answer, _Found]:
-    """Finds the heights by lowering the brush and photographing its marks."""
-    easel, trials = access.easel, _Trials(access, ground)
-    floor = easel.workspace.lower[2] + ABOVE_FLOOR
-    touch, exactness = yield from _touch(trials, ceiling(easel), easel.workspace.canvas_origin[2], floor)
-    bottom, ended = floor, "where the workspace ends"
-    if deepest is not None and touch - deepest > floor:
-        bottom, ended = touch - deepest, "as far as the brush may be pressed"
-    trials.start_over(_LARGE_CELL)
-    press, stopped = yield from _press(trials, touch, bottom)
-    ended = "where the mark stops widening" if stopped else ended
-    return _Found(touch, press, exactness, ended, trials.place, tuple(trials.done))
+    def _spread_cells(self) -> Iterator[tuple[float, float]]:
+        """Yields the middles of the cells, row by row from the top left."""
+        canvas = self.access.easel.canvas
+        width, height = canvas.width - 2 * _EDGE, canvas.height - 2 * _EDGE
+        across, down = max(1, int(width / self.cell[0])), max(1, int(height / self.cell[1]))
+        for row in range(down):
+            for column in range(across):
+                yield _EDGE + (column + 0.5) * width / across, _EDGE + height * (1 - (row + 0.5) / down)
 
 
-def _touch(
-    trials: _Trials, height: float, expected: float, floor: float
-) -> Generator[Question, Answer, tuple[float, float]]:
+def _find_touch(trials: Trials) -> Generator[Question, Answer, tuple[float, float]]:
     """Returns the height at which every other stroke leaves a mark, and its standard error."""
-    start = height
-    while True:
-        trial = yield from trials.at(height)
-        if trial.marked:
-            break
+    easel = trials.access.easel
+    floor, expected = easel.workspace.lower[2] + ABOVE_FLOOR, easel.workspace.canvas_origin[2]
+    start = height = ceiling(easel)
+    while not (trial := (yield from trials.at(height))).marked:
         height = max(floor, height - max(_LOWERING, _SHARE * (height - expected)))
         if not height < trial.height:
             raise CalibrationError(
@@ -332,8 +237,9 @@ def _touch(
     )
 
 
-def _press(trials: _Trials, touch: float, bottom: float) -> Generator[Question, Answer, tuple[float, bool]]:
-    """Returns the lowest useful height, not below `bottom`, and True if the mark stopped widening there."""
+def _find_press(trials: Trials, touch: float) -> Generator[Question, Answer, tuple[float, str]]:
+    """Returns the lowest useful height, and the reason for which pressing ended."""
+    bottom = trials.access.easel.workspace.lower[2] + ABOVE_FLOOR
     if not touch - bottom >= _PRESSING:
         raise CalibrationError(
             f"The brush touches at {1000 * touch:.1f} mm, and must not go below {1000 * bottom:.1f} mm: there is no "
@@ -353,67 +259,96 @@ def _press(trials: _Trials, touch: float, bottom: float) -> Generator[Question, 
                 "holder? Then repeat the brush calibration."
             )
         if number > 1 and max(widths[-2:]) < (1 + _WIDENING) * widths[-3]:
-            return heights[number - 2], True
-    return bottom, False
+            return heights[number - 2], "where the mark stops widening"
+    return bottom, "where the workspace ends"
 
 
 def _jog(
-    access: EaselAccess, place: tuple[float, float], found: _Found, height: float | None, highest: float, wanted: str
+    trials: Trials, height: float | None, highest: float, wanted: str, picture: Tensor | None
 ) -> Generator[Question, Answer, float]:
-    """Returns the height that a person sets with jog keys; the height found, if any, is proposed."""
-    lowest = access.easel.workspace.lower[2]
+    """Returns the height that a person sets with jog keys; the height found, if any, is proposed.
+
+    The brush is held over the next free cell, or over the middle of the canvas.
+    """
+    easel, gateway = trials.access.easel, trials.access.gateway
+    lowest, place = easel.workspace.lower[2], trials.place or (easel.canvas.width / 2, easel.canvas.height / 2)
     text = f"Lower or raise the brush until it is at {wanted}."
-    question = Jog(
-        text,
-        height=highest if height is None else height,
-        lowest=lowest,
-        highest=highest,
-        picture=found.picture,
-        proposal=None if height is None else JogMove(settled=True),
-    )
+    proposal = None if height is None else JogMove(settled=True)
+    question = Jog(text, highest if height is None else height, lowest, highest, picture, proposal)
     while True:
         move = yield question
         if not isinstance(move, JogMove) or not np.isfinite(move.step):
             raise CalibrationError(f"{move!r} is no move of a jog key; repeat the brush calibration.")
         if move.settled:
             return question.height
-        wanted_height = question.height + move.step
-        if lowest <= wanted_height <= highest:
-            access.perform([_hold(access, place, wanted_height)])
-            question = replace(question, text=text, height=wanted_height, proposal=None)
-        else:
+        next_height = question.height + move.step
+        if not lowest <= next_height <= highest:
             allowed = f"{1000 * lowest:.1f} to {1000 * highest:.1f} mm"
             question = replace(question, text=f"No further than {allowed}. {text}")
+            continue
+        here = easel.workspace.to_robot(easel.calibration.place(np.array([place])), np.array([next_height]))
+        above = here.copy()
+        above[:, 2] = max(next_height, ceiling(easel))
+        is_there = np.linalg.norm(gateway.pose()[:2] - here[0, :2]) < _THERE
+        path = here if is_there else np.concatenate([above, here])  # it comes to its place from above
+        gateway.perform([Waypoints(f"jog to {1000 * next_height:.1f} mm", path, easel.workspace.painting_speed)])
+        question = replace(question, text=text, height=next_height, proposal=None)
 
 
-def _hold(access: EaselAccess, place: tuple[float, float], height: float) -> Waypoints:
-    """Returns the motion that holds the brush over a place of the canvas (m) at a height, coming from above."""
-    easel = access.easel
-    here = easel.workspace.to_robot(easel.calibration.place(np.array([place])), np.array([height]))
-    above = here.copy()
-    above[:, 2] = max(height, ceiling(easel))
-    there = np.linalg.norm(access.pose()[:2] - here[0, :2]) < _THERE
-    position = here if there else np.concatenate([above, here])
-    return Waypoints(f"jog to {1000 * height:.1f} mm", position, easel.workspace.painting_speed)
+# Picture of a brush calibration: trial strokes from the lightest to the hardest, and a chart of their widths.
+
+_MARGIN, _SHOWN, _GAP = 40, 7, 12
+_STRIP_TOP, _STRIP_HEIGHT, _CHART_TOP = 62, 112, 220
+_MILLIMETRES = 46.0  # across one place of the strip
 
 
-def _below(press: float, touch: float) -> float:
-    """Returns the press height if it is below the touch. Raises CalibrationError otherwise."""
-    if not press < touch:
-        raise CalibrationError(
-            f"The hardest press ({1000 * press:.2f} mm) is not below the lightest touch ({1000 * touch:.2f} mm); "
-            "repeat the brush calibration."
+def draw_trials(trials: Trials, touch: float, press: float) -> Tensor:
+    """Returns the picture of trial strokes, sRGB [3, h, w] in [0, 1].
+
+    touch, press: the two heights, robot z in metres
+    """
+    marks = sorted((1000 * (touch - trial.height), 1000 * trial.width) for trial in trials.done)
+    depths, widths = zip(*marks, strict=True)
+    plot = images.to_uint8(
+        chart(
+            "Width of the mark (millimetres)",
+            "millimetres below the lightest touch",
+            "0: no mark",
+            [
+                Series("marks", depths, widths),
+                Series("lightest touch", (0.0, 0.0), (0.0, max(widths))),
+                Series("hardest press", (1000 * (touch - press),) * 2, (0.0, max(widths))),
+            ],
         )
-    return press
+    )
+    sheet = Sheet(plot.shape[1], _CHART_TOP + plot.shape[0], CREAM)
+    sheet.text((_MARGIN, 20), "Short strokes, pressed ever harder (millimetres below the lightest touch)", 20)
+    strip = Grid.divide(plot.shape[1] - 2 * _MARGIN, _MARGIN, _STRIP_TOP, _SHOWN, _STRIP_HEIGHT, across=_GAP)
+    for number, trial in enumerate(_choose(trials.done, touch)):
+        depth = f"{round(1000 * (touch - trial.height), 1) + 0:.1f}" if trial.marked else "no mark"
+        sheet.cell(strip.corner(number), _frame(trial, trials.grid.pitch[0], strip.width), depth, size=17, gap=6)
+    sheet.paste(plot, (0, _CHART_TOP))
+    return sheet.tensor()
 
 
-def _protrusion(answer: object) -> float | None:
-    """Returns the protrusion in metres; None if unknown. Raises CalibrationError."""
-    if answer is None:
-        return None
-    if isinstance(answer, bool) or not isinstance(answer, int | float) or not 0 <= answer <= LONGEST_BRUSH:
-        raise CalibrationError(
-            f"A brush that protrudes by {answer} m was given; it is 0 to {LONGEST_BRUSH:g} m. Repeat the brush "
-            "calibration."
-        )
-    return float(answer)
+def _choose(trials: list[Trial], touch: float) -> list[Trial]:
+    """Returns as many trials as fit: one without a mark, then evenly spaced ones, each once."""
+    bare = [trial for trial in trials if not trial.marked]
+    left = [trial for trial in trials if trial.marked]
+    chosen = [min(bare, key=lambda trial: trial.height)] if bare else []
+    for height in np.linspace(touch, min(trial.height for trial in trials), _SHOWN - len(chosen)):
+        if left:
+            chosen.append(min(left, key=lambda trial: abs(trial.height - height)))
+            left.remove(chosen[-1])
+    return sorted(chosen, key=lambda trial: (trial.marked, -trial.height))
+
+
+def _frame(trial: Trial, pitch: float, width: int) -> Image.Image:
+    """Returns the middle of a trial's picture on white paper; all trials have the same scale."""
+    picture = Image.fromarray(images.to_uint8(trial.look))
+    scale = 1000 * pitch * width / _MILLIMETRES
+    size = max(1, round(picture.width * scale)), max(1, round(picture.height * scale))
+    place = Image.new("RGB", (width, _STRIP_HEIGHT), (255, 255, 255))
+    resized = picture.resize(size, Image.Resampling.LANCZOS)
+    place.paste(resized, ((width - size[0]) // 2, (_STRIP_HEIGHT - size[1]) // 2))
+    return place

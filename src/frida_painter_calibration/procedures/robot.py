@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -10,100 +9,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.calibration import Calibration
+from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.dialogue import Procedure
+from frida_painter.easel.dialogue import Finding, Procedure
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.perception.landmarks import Match, find_dots, match_dots
-from frida_painter.perception.rectify import Fit, apply, fit_homography, rectify
-from frida_painter.sheet import CREAM, INK, Sheet
+from frida_painter.perception.rectify import apply, fit_homography, rectify
+from frida_painter.sheet import CREAM, Sheet
 from frida_painter_calibration.procedures.paper import EaselAccess, ask_for_paper, fill_with_black
-
-# Picture of a robot calibration: dots as meant, as seen, and the remaining errors.
-
-_COLUMNS = 1100
-_LARGER = 20
-_MARGIN, _HEAD, _FOOT = 40, 24, 64
-_MEANT, _SEEN, _MISSING = (40, 105, 185), (214, 40, 80), (225, 140, 20)
-_RADIUS = 18
-
-
-def dot_sheet(
-    canvas: Tensor,
-    grid: PixelGrid,
-    meant: NDArray[np.float64],
-    found: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    matrix: NDArray[np.float64],
-) -> Tensor:
-    """Returns the picture of a robot calibration, sRGB [3, h, w] in [0, 1].
-
-    canvas: [3, rows, columns], the rectified photograph on `grid`
-    meant: [n, 2], all dots
-    found, seen: [k, 2], the dots that were found: as meant, and as seen
-    matrix: fit from found to seen
-    """
-    rows = round(_COLUMNS * grid.rows / grid.columns)
-    pixels = (255 * canvas.clamp(0, 1)).round().to(torch.uint8).permute(1, 2, 0).numpy()
-    picture = np.asarray(cv2.resize(pixels, (_COLUMNS, rows), interpolation=cv2.INTER_AREA), np.uint8).copy()
-    view = PixelGrid(grid.size, rows, _COLUMNS)
-
-    def at(places: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(view.to_pixels(torch.from_numpy(places)).numpy(), np.float64)
-
-    left = seen - apply(matrix, found)
-    for start, end, rest in zip(at(found), at(seen), at(seen + _LARGER * left), strict=True):
-        _circle(picture, end, _SEEN)
-        _line(picture, start, end, _MEANT, 1)
-        _line(picture, end, rest, _SEEN, 2)
-    missing = (np.linalg.norm(meant[:, None] - found[None], axis=-1) > 1e-9).all(1)
-    for place, lost in zip(at(meant), missing, strict=True):
-        for color, width in (((255, 255, 255), 4), (_MISSING if lost else _MEANT, 2)):
-            for offset in ((8, 0), (0, 8)):
-                _stripe(picture, place - offset, place + offset, color, width)
-        if lost:
-            _circle(picture, place, _MISSING)
-    sheet = Sheet(_COLUMNS + 2 * _MARGIN, rows + _HEAD + _FOOT, CREAM)
-    sheet.paste(picture, (_MARGIN, _HEAD))
-    text = f"Circles: the dots. Crosses: where they were meant to be. Red lines: what remains, {_LARGER} times as long."
-    sheet.text((_MARGIN, rows + _HEAD + 18), text, 20, INK)
-    return sheet.tensor()
-
-
-def _fine(place: NDArray[np.float64]) -> tuple[int, int]:
-    """Returns a position in sixteenths of a pixel, for OpenCV with shift=4."""
-    return round(16 * float(place[0])), round(16 * float(place[1]))
-
-
-def _circle(picture: NDArray[np.uint8], place: NDArray[np.float64], color: tuple[int, ...]) -> None:
-    for around, width in (((255, 255, 255), 4), (color, 2)):
-        cv2.circle(picture, _fine(place), 16 * _RADIUS, around, width, cv2.LINE_AA, shift=4)
-
-
-def _line(
-    picture: NDArray[np.uint8],
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-    color: tuple[int, ...],
-    width: int,
-) -> None:
-    _stripe(picture, start, end, (255, 255, 255), width + 2)
-    _stripe(picture, start, end, color, width)
-
-
-def _stripe(
-    picture: NDArray[np.uint8],
-    start: NDArray[np.float64],
-    end: NDArray[np.float64],
-    color: tuple[int, ...],
-    width: int,
-) -> None:
-    cv2.line(picture, _fine(start), _fine(end), color, width, cv2.LINE_AA, shift=4)
-
 
 SIDE = 4
 """Number of dots along each side of the canvas."""
@@ -125,61 +42,7 @@ _TOLERANCE = 0.0025
 _FEWEST_IN_QUARTER = 2
 
 
-@dataclass(frozen=True)
-class RobotFinding:
-    """Result of the robot procedure.
-
-    meant, seen: [k, 2], positions of the found dots as meant and as seen, canvas metres
-    fit: homography from meant to seen
-    painted: number of dots painted
-    strangers: number of other spots seen
-    """
-
-    meant: NDArray[np.float64]
-    seen: NDArray[np.float64]
-    fit: Fit
-    painted: int
-    strangers: int
-    size: CanvasSize
-    picture: Tensor | None
-
-    @property
-    def shift(self) -> float:
-        """Distance from the middle of the canvas at which the robot paints without correction, metres."""
-        return float(np.linalg.norm(self._derivative()[0]))
-
-    @property
-    def turn(self) -> float:
-        """Angle by which the robot paints turned, radians counter-clockwise."""
-        slope = self._derivative()[1]
-        return math.atan2(slope[1, 0] - slope[0, 1], slope[0, 0] + slope[1, 1])
-
-    @property
-    def sentence(self) -> str:
-        """Result in plain words."""
-        others = f" and {self.strangers} other spots that do not count" if self.strangers else ""
-        beside, turned = f"{self.shift * 1000:.1f} mm", f"{math.degrees(self.turn):.1f} degrees"
-        return (
-            f"{len(self.meant)} of {self.painted} dots were found{others}. The robot painted {beside} beside where it "
-            f"was sent, turned by {turned}. With the correction the dots are {self.fit.residual * 1000:.2f} mm off, "
-            "which is how exactly it places a single dot."
-        )
-
-    def enter(self, record: Calibration) -> Calibration:
-        """Returns the calibration with the placement that cancels the measured error."""
-        placement = tuple(map(tuple, self.fit.inverse().tolist()))
-        return record.with_robot(placement, residual=self.fit.residual)
-
-    def _derivative(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns the error in the middle of the canvas [2], and the derivative of the map there [2, 2]."""
-        x, y = self.size.width / 2, self.size.height / 2
-        matrix = self.fit.matrix
-        depth = matrix[2] @ (x, y, 1)
-        place = matrix[:2] @ (x, y, 1) / depth
-        return place - (x, y), (matrix[:2, :2] - np.outer(place, matrix[2, :2])) / depth
-
-
-def robot(easel: Easel) -> Procedure[RobotFinding]:
+def robot(easel: Easel) -> Procedure[Finding]:
     """Paints sixteen black dots, photographs them, and fits their seen positions to the meant ones.
 
     Raises CalibrationError if too few dots are found, they are mirrored or turned, or the residual exceeds 1.5 mm.
@@ -192,25 +55,39 @@ def robot(easel: Easel) -> Procedure[RobotFinding]:
         "The robot was not calibrated; repeat it when canvas and paint are there.",
     )
     fill_with_black(easel)
-    grid = _grid(easel.canvas)
-    meant = dot_places(easel.canvas)
-    access = EaselAccess(easel)
+    size = easel.canvas
+    grid = PixelGrid.of_height(size, min(_MAX_ROWS, round(size.height / _PITCH)))
+    meant, access = dot_places(size), EaselAccess(easel)
     before = rectify(access.photograph().image, easel.calibration, grid)
-    access.perform(_motions(easel, meant))
+    access.gateway.perform(_motions(easel, meant))
     after = rectify(access.photograph().image, easel.calibration, grid)
     spots = find_dots(before, after, grid)
-    match = _match_dots(meant, spots, easel.canvas)
-    fit = fit_homography(meant[match.meant], spots[match.seen])
+    match = _match_dots(meant, spots, size)
+    found, seen = meant[match.meant], spots[match.seen]
+    fit = fit_homography(found, seen)
     if not fit.residual <= WORST_RESIDUAL:
         raise CalibrationError(
             f"The dots are {fit.residual * 1000:.1f} mm off the best placement, and {WORST_RESIDUAL * 1000:g} mm are "
             "allowed: something moved, or the brush is loose. Fasten brush, canvas and camera, and repeat the robot "
             "calibration."
         )
-    found = meant[match.meant], spots[match.seen]
+    # The error in the middle of the canvas, and the derivative of the map there.
+    middle, matrix = np.array([size.width / 2, size.height / 2]), fit.matrix
+    depth = matrix[2] @ (*middle, 1)
+    place = matrix[:2] @ (*middle, 1) / depth
+    slope = (matrix[:2, :2] - np.outer(place, matrix[2, :2])) / depth
+    turn = math.atan2(slope[1, 0] - slope[0, 1], slope[0, 0] + slope[1, 1])
     strangers = len(spots) - len(match)
-    picture = dot_sheet(after, grid, meant, *found, fit.matrix)
-    return RobotFinding(*found, fit, len(meant), strangers, easel.canvas, picture)
+    others = f" and {strangers} other spots that do not count" if strangers else ""
+    placement = tuple(map(tuple, fit.inverse().tolist()))
+    return Finding(
+        f"{len(found)} of {len(meant)} dots were found{others}. The robot painted "
+        f"{1000 * float(np.linalg.norm(place - middle)):.1f} mm beside where it was sent, turned by "
+        f"{math.degrees(turn):.1f} degrees. With the correction the dots are {fit.residual * 1000:.2f} mm off, which "
+        "is how exactly it places a single dot.",
+        draw_dots(after, grid, meant, match, seen, seen - apply(matrix, found)),
+        lambda record: record.with_robot(placement, residual=fit.residual),
+    )
 
 
 def dot_places(size: CanvasSize) -> NDArray[np.float64]:
@@ -219,10 +96,6 @@ def dot_places(size: CanvasSize) -> NDArray[np.float64]:
     place = np.stack(np.meshgrid(share, share), -1).reshape(-1, 2)
     place += _IRREGULAR * (share[1] - share[0]) * np.array(_NUDGES)
     return place * (size.width, size.height)
-
-
-def _grid(size: CanvasSize) -> PixelGrid:
-    return PixelGrid.of_height(size, min(_MAX_ROWS, round(size.height / _PITCH)))
 
 
 def _motions(easel: Easel, places: NDArray[np.float64]) -> Iterator[Waypoints]:
@@ -241,15 +114,26 @@ def _match_dots(meant: NDArray[np.float64], spots: NDArray[np.float64], size: Ca
     """Returns the match of spots and dots. Raises CalibrationError if too few match, or they are mirrored or turned."""
     spacing = (1 - 2 * _EDGE) / (SIDE - 1) * min(size.width, size.height)
     near = {"reach": 0.5 * spacing, "tolerance": min(_TOLERANCE, 0.06 * spacing)}
+    middle = np.array([size.width / 2, size.height / 2])
     match = match_dots(meant, spots, **near)
     if len(match) < FEWEST_DOTS:
-        _refuse_wrong_way_round(meant, spots, size, near)
+        for name, sign in (
+            ("mirrored from left to right", (-1, 1)),
+            ("mirrored from top to bottom", (1, -1)),
+            ("upside down", (-1, -1)),
+        ):
+            if len(match_dots((meant - middle) * sign + middle, spots, **near)) >= FEWEST_DOTS:
+                raise CalibrationError(
+                    f"The robot paints {name}: its axes do not run as the workspace says, or the corners of the canvas "
+                    "were given in another order. Mend the workspace or repeat the canvas calibration, then repeat the "
+                    "robot calibration."
+                )
         raise CalibrationError(
             f"Of {len(meant)} dots {len(match)} were found within {near['reach'] * 1000:.0f} mm of where they should "
             f"be, among {len(spots)} spots; {FEWEST_DOTS} are needed. Is there paint in the well, does the brush reach "
             "the canvas everywhere, and is the canvas bare? Mend that, then repeat the robot calibration."
         )
-    right, upper = (meant[match.meant] > (size.width / 2, size.height / 2)).T
+    right, upper = (meant[match.meant] > middle).T
     for name, part in (
         ("lower left", ~right & ~upper),
         ("lower right", right & ~upper),
@@ -265,19 +149,50 @@ def _match_dots(meant: NDArray[np.float64], spots: NDArray[np.float64], size: Ca
     return match
 
 
-def _refuse_wrong_way_round(
-    meant: NDArray[np.float64], spots: NDArray[np.float64], size: CanvasSize, near: dict[str, float]
-) -> None:
-    """Raises CalibrationError if the dots are all there, but mirrored or upside down."""
-    for name, sign in (
-        ("mirrored from left to right", (-1, 1)),
-        ("mirrored from top to bottom", (1, -1)),
-        ("upside down", (-1, -1)),
-    ):
-        turned = (meant - (size.width / 2, size.height / 2)) * sign + (size.width / 2, size.height / 2)
-        if len(match_dots(turned, spots, **near)) >= FEWEST_DOTS:
-            raise CalibrationError(
-                f"The robot paints {name}: its axes do not run as the workspace says, or the corners of the canvas "
-                "were given in another order. Mend the workspace or repeat the canvas calibration, then repeat the "
-                "robot calibration."
-            )
+# Picture of a robot calibration: dots as meant, as seen, and the remaining errors.
+
+_COLUMNS, _MARGIN, _HEAD, _FOOT = 1100, 40, 24, 64
+_LARGER = 20
+_MEANT, _SEEN, _MISSING = (40, 105, 185), (214, 40, 80), (225, 140, 20)
+_RADIUS = 18
+
+
+def draw_dots(
+    canvas: Tensor,
+    grid: PixelGrid,
+    meant: NDArray[np.float64],
+    match: Match,
+    seen: NDArray[np.float64],
+    left: NDArray[np.float64],
+) -> Tensor:
+    """Returns the picture of a robot calibration, sRGB [3, h, w] in [0, 1].
+
+    canvas: [3, rows, columns], the rectified photograph on `grid`
+    meant [n, 2]: all dots
+    seen [k, 2]: the dots that were found
+    left [k, 2]: their remaining errors
+    """
+    rows = round(_COLUMNS * grid.rows / grid.columns)
+    picture = cv2.resize(images.to_uint8(canvas), (_COLUMNS, rows), interpolation=cv2.INTER_AREA)
+    view = PixelGrid(grid.size, rows, _COLUMNS)
+
+    def at(places: NDArray[np.float64]) -> list[tuple[int, int]]:
+        """Returns pixels in sixteenths, for OpenCV with shift=4."""
+        return [(round(16 * x), round(16 * y)) for x, y in view.to_pixels(torch.from_numpy(places)).tolist()]
+
+    places = at(meant)
+    lost = [places[number] for number in range(len(meant)) if number not in match.meant]
+    for start, end, rest in zip(at(meant[match.meant]), at(seen), at(seen + _LARGER * left), strict=True):
+        cv2.circle(picture, end, 16 * _RADIUS, _SEEN, 2, cv2.LINE_AA, shift=4)
+        cv2.line(picture, start, end, _MEANT, 1, cv2.LINE_AA, shift=4)
+        cv2.line(picture, end, rest, _SEEN, 2, cv2.LINE_AA, shift=4)
+    for x, y in places:
+        color = _MISSING if (x, y) in lost else _MEANT
+        cv2.drawMarker(picture, (x // 16, y // 16), color, cv2.MARKER_CROSS, 16, 2, cv2.LINE_AA)
+    for place in lost:
+        cv2.circle(picture, place, 16 * _RADIUS, _MISSING, 2, cv2.LINE_AA, shift=4)
+    sheet = Sheet(_COLUMNS + 2 * _MARGIN, rows + _HEAD + _FOOT, CREAM)
+    sheet.paste(np.asarray(picture, np.uint8), (_MARGIN, _HEAD))
+    text = f"Circles: the dots. Crosses: where they were meant to be. Red lines: what remains, {_LARGER} times as long."
+    sheet.text((_MARGIN, rows + _HEAD + 18), text, 20)
+    return sheet.tensor()

@@ -17,14 +17,14 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from torch import Tensor
 
 from frida_painter import storage
-from frida_painter.calibration import MAX_LINES, MAX_UNEVENNESS, Calibration, SurfaceMap
+from frida_painter.calibration import MAX_LINES, MAX_UNEVENNESS, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Procedure, Question
+from frida_painter.easel.dialogue import Answer, Confirm, Finding, Jog, JogMove, Procedure, Question
 from frida_painter.errors import CalibrationError, ConfigError, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
-from frida_painter.hardware.robot import Feeler, Sense, Waypoints, Workspace
+from frida_painter.hardware.robot import Feeler, Sense, Waypoints
 from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet
 
 POINTS = 3
@@ -32,9 +32,10 @@ POINTS = 3
 _INSET = 0.010  # metres between the outer points and the edge of the canvas
 _FLAT = 0.0006  # metres that five touched points may be off their plane, for a canvas that counts as flat
 _SLOW = 0.005  # m/s of a touch
-_JOGGING = 0.02  # m/s
+JOGGING = 0.02
+"""Speed of a jogged tip, m/s."""
 _MAX_BYTES = 2**20
-
+Place = tuple[float, float]
 
 HOW_IT_FEELS: Mapping[Sense, str] = {
     "contact": "The machine can feel the canvas by itself; for that, a probe's contact must be fastened to brush and "
@@ -44,39 +45,7 @@ HOW_IT_FEELS: Mapping[Sense, str] = {
 """Sentence for the person beside a robot that feels."""
 
 
-@dataclass(frozen=True)
-class SurfaceFinding:
-    """Result of the surface procedure.
-
-    surface: height map of the canvas
-    points: positions [k, 2] that were measured, canvas metres
-    off_plane: greatest distance in metres of a point from the plane that is the map; None if the map is no plane
-    """
-
-    surface: SurfaceMap
-    points: NDArray[np.float64]
-    off_plane: float | None = None
-
-    @property
-    def sentence(self) -> str:
-        """Range of the heights, in plain words."""
-        low, high = 1000 * self.surface.lowest, 1000 * self.surface.highest
-        flat = "" if self.off_plane is None else f", in a plane within {1000 * self.off_plane:.2f} mm"
-        return (
-            f"the canvas lies {low:+.2f} to {high:+.2f} mm around its lightest touch ({len(self.points)} points{flat})"
-        )
-
-    @property
-    def picture(self) -> Tensor:
-        """Picture of the height map."""
-        return surface_sheet(self.surface, self.points)
-
-    def enter(self, record: Calibration) -> Calibration:
-        """Returns the calibration with this height map."""
-        return record.with_surface(self.surface)
-
-
-def surface(easel: Easel, *, points: int = POINTS, felt: bool = True) -> Procedure[SurfaceFinding]:
+def surface(easel: Easel, *, points: int = POINTS, felt: bool = True) -> Procedure[Finding]:
     """Measures the canvas at `points` x `points` places, or at five if an arm feels by its force that it is flat.
 
     felt: True to use the robot's sense of touch, if it has one; otherwise a person lowers the brush at each place
@@ -90,83 +59,97 @@ def surface(easel: Easel, *, points: int = POINTS, felt: bool = True) -> Procedu
         yield Confirm(f"{HOW_IT_FEELS[sense]} Shall it touch the canvas? (n: you lower it at each point)")
     ):
         sense = None
-    visit = _Visit(easel, feeler if sense is not None else None)
+    feeler = feeler if sense is not None else None
     across, up = (_spread(side, points) for side in (easel.canvas.width, easel.canvas.height))
+    found: dict[Place, float] = {}
     if sense == "force":
-        flat = yield from _plane(visit, across, up)
+        five = [(across[0], up[0]), (across[-1], up[0]), _middle(across, up, easel.canvas), (across[-1], up[-1]),
+                (across[0], up[-1])]  # fmt: skip
+        for number, place in enumerate(five, 1):
+            found[place] = yield from _measure(easel, feeler, place, f"Point {number} of 5")
+        flat = _fit_plane(easel.canvas, found)
         if flat is not None:
-            require_room(flat.surface, easel)
-            return flat
-    for row, y in enumerate(up):
-        for x in across if row % 2 == 0 else across[::-1]:  # there and back, the shortest way
-            yield from visit.measure(x, y, f"Point {len(visit.found) + 1} of {visit.count(across, up)}")
-    offset = np.array([[visit.found[x, y] for x in across] for y in up])
-    measured = SurfaceMap.of_points(easel.canvas, across, up, offset, _today())
-    require_room(measured, easel)
-    return SurfaceFinding(measured, np.array(list(visit.found)))
+            return tell_surface(*flat, easel)
+    wanted = [(x, y) for row, y in enumerate(up) for x in across[:: 1 if row % 2 == 0 else -1]]  # there and back
+    count = len({*found, *wanted})
+    for place in wanted:
+        if place not in found:
+            found[place] = yield from _measure(easel, feeler, place, f"Point {len(found) + 1} of {count}")
+    offset = np.array([[found[x, y] for x in across] for y in up])
+    measured = SurfaceMap.of_points(easel.canvas, across, up, offset, today())
+    return tell_surface(measured, np.array(list(found)), None, easel)
 
 
-def _plane(visit: "_Visit", across: list[float], up: list[float]) -> Generator[Question, Answer, SurfaceFinding | None]:
-    """Touches the corners and the middle; returns the plane through them, or None if they are in none."""
-    canvas = visit.easel.canvas
-    middle = (across[len(across) // 2], up[len(up) // 2]) if len(across) % 2 else (canvas.width / 2, canvas.height / 2)
-    five = [(across[0], up[0]), (across[-1], up[0]), middle, (across[-1], up[-1]), (across[0], up[-1])]
-    for number, (x, y) in enumerate(five, 1):
-        yield from visit.measure(x, y, f"Point {number} of 5")
-    here, height = np.array(five), np.array([visit.found[place] for place in five])
-    known = np.c_[here, np.ones(len(here))]
-    plane = np.linalg.lstsq(known, height, rcond=None)[0]
-    off = float(np.abs(known @ plane - height).max())
-    if off > _FLAT:
-        return None
-    lines = (0.0, canvas.width), (0.0, canvas.height)
-    offset = tuple(tuple(round(float(plane @ (x, y, 1.0)), 6) for x in lines[0]) for y in lines[1])
-    return SurfaceFinding(SurfaceMap(*lines, offset, _today()), here, off)
+def tell_surface(surface: SurfaceMap, points: NDArray[np.float64], off_plane: float | None, easel: Easel) -> Finding:
+    """Returns the finding of a height map. Raises CalibrationError if it cannot be painted within the workspace.
 
-
-class _Visit:
-    """Visits places of a canvas and keeps the heights that were found.
-
-    feeler: robot that feels the canvas; None if a person lowers the brush
-    found: offsets in metres from the lightest touch, by x and y in canvas metres
+    points: positions [k, 2] that were measured, canvas metres
+    off_plane: greatest distance in metres of a point from the plane that is the map; None if the map is no plane
     """
-
-    def __init__(self, easel: Easel, feeler: Feeler | None) -> None:
-        self.easel, self._feeler = easel, feeler
-        flat = replace(easel, calibration=easel.calibration.with_surface(None))  # heights are measured without a map
-        self._gateway = RobotGateway(flat, lowest=easel.workspace.lower[2])
-        self._motion = Motion(easel.workspace, flat.calibration)
-        self.found: dict[tuple[float, float], float] = {}
-
-    def count(self, across: list[float], up: list[float]) -> int:
-        """Returns the number of places that a grid needs, with those that were found before."""
-        return len({*self.found, *((x, y) for x in across for y in up)})
-
-    def measure(self, x: float, y: float, told: str) -> Generator[Question, Answer, None]:
-        """Measures a place that was not measured before. Raises CalibrationError, RobotError and its subclasses."""
-        if (x, y) in self.found:
-            return
-        workspace, motion, gateway = self.easel.workspace, self._motion, self._gateway
-        place = np.array([[x, y]])
-        above = workspace.to_robot(motion.calibration.place(place), np.array([motion.travel_height]))[0]
-        gateway.perform([_over(gateway.pose(), above, workspace, told)])
-        if self._feeler is not None:
-            height = feel(self._feeler, workspace.lower[2], told)
-        else:
-            touch = self.easel.calibration.touch_height
-            text = f"{told}: lower the brush until its tip just touches the canvas."
-            lowest = max(workspace.lower[2], touch - MAX_UNEVENNESS)
-            known = touch if self.easel.simulated else None
-            height = yield from lower(gateway, text, lowest, workspace.upper[2], known=known)
-        gateway.perform([Waypoints("rise", np.array([above]), workspace.travel_speed)])
-        self.found[x, y] = height - self.easel.calibration.touch_height
+    _require_room(surface, easel)
+    flat = "" if off_plane is None else f", in a plane within {1000 * off_plane:.2f} mm"
+    return Finding(
+        f"the canvas lies {1000 * surface.lowest:+.2f} to {1000 * surface.highest:+.2f} mm around its lightest touch "
+        f"({len(points)} points{flat})",
+        surface_sheet(surface, points),
+        lambda record: record.with_surface(surface),
+    )
 
 
-def _today() -> str:
+def today() -> str:
+    """Returns the day of a measurement, ISO 8601."""
     return datetime.now(UTC).date().isoformat()
 
 
-def require_room(surface: SurfaceMap, easel: Easel) -> None:
+def _spread(side: float, points: int) -> list[float]:
+    inset = min(_INSET, side / 6)
+    return [float(place) for place in np.linspace(inset, side - inset, points)]
+
+
+def _middle(across: list[float], up: list[float], canvas: CanvasSize) -> Place:
+    """Returns the place of the grid in the middle of the canvas, or the middle if the grid has none there."""
+    return (across[len(across) // 2], up[len(up) // 2]) if len(across) % 2 else (canvas.width / 2, canvas.height / 2)
+
+
+def _fit_plane(
+    canvas: CanvasSize, found: Mapping[Place, float]
+) -> tuple[SurfaceMap, NDArray[np.float64], float] | None:
+    """Returns the plane through measured places, the places, and how far they are off it; None if they are in none."""
+    here, height = np.array(list(found)), np.array(list(found.values()))
+    known = np.c_[here, np.ones(len(here))]
+    plane = np.linalg.lstsq(known, height, rcond=None)[0]
+    off = float(np.abs(known @ plane - height).max())
+    lines = (0.0, canvas.width), (0.0, canvas.height)
+    offset = tuple(tuple(round(float(plane @ (x, y, 1.0)), 6) for x in lines[0]) for y in lines[1])
+    return None if off > _FLAT else (SurfaceMap(*lines, offset, today()), here, off)
+
+
+def _measure(easel: Easel, feeler: Feeler | None, place: Place, told: str) -> Generator[Question, Answer, float]:
+    """Returns the height of the canvas at a place, in metres above the lightest touch.
+
+    feeler: robot that feels the canvas; None if a person lowers the brush
+    Raises CalibrationError, RobotError and its subclasses.
+    """
+    workspace, touch = easel.workspace, easel.calibration.touch_height
+    flat = replace(easel, calibration=easel.calibration.with_surface(None))  # heights are measured without a map
+    gateway, motion = RobotGateway(flat, lowest=workspace.lower[2]), Motion(workspace, flat.calibration)
+    here = flat.calibration.place(np.array([place]))
+    above = workspace.to_robot(here, np.array([motion.travel_height]))[0]
+    tip = gateway.pose()
+    high = max(tip[2], above[2])
+    path = np.array([(*tip[:2], high), (*above[:2], high), above])
+    gateway.perform([Waypoints(told, path, workspace.travel_speed)])
+    if feeler is not None:
+        height = feel(feeler, workspace.lower[2], told)
+    else:
+        text = f"{told}: lower the brush until its tip just touches the canvas."
+        lowest, known = max(workspace.lower[2], touch - MAX_UNEVENNESS), touch if easel.simulated else None
+        height = yield from lower(gateway, text, lowest, workspace.upper[2], known=known)
+    gateway.perform([Waypoints("rise", np.array([above]), workspace.travel_speed)])
+    return height - touch
+
+
+def _require_room(surface: SurfaceMap, easel: Easel) -> None:
     """Raises CalibrationError unless the whole map can be painted within the workspace, with room to travel above."""
     surface.require_covers(easel.canvas)
     workspace, known = easel.workspace, easel.calibration
@@ -184,17 +167,6 @@ def require_room(surface: SurfaceMap, easel: Easel) -> None:
         )
 
 
-def _spread(side: float, points: int) -> list[float]:
-    inset = min(_INSET, side / 6)
-    return [float(place) for place in np.linspace(inset, side - inset, points)]
-
-
-def _over(tip: NDArray[np.float64], above: NDArray[np.float64], workspace: Workspace, label: str) -> Waypoints:
-    """Returns the way up and across to above a place."""
-    path = np.array([(*tip[:2], max(tip[2], above[2])), (*above[:2], max(tip[2], above[2])), above])
-    return Waypoints(label, path, workspace.travel_speed)
-
-
 def feel(feeler: Feeler, lowest: float, told: str) -> float:
     """Lowers the brush until it is felt, and returns the height. Raises CalibrationError if nothing is felt."""
     found = float(feeler.touch(lowest, _SLOW).reached[2])
@@ -207,7 +179,7 @@ def feel(feeler: Feeler, lowest: float, told: str) -> float:
 
 
 def lower(
-    gateway: RobotGateway, text: str, lowest: float, highest: float, speed: float = _JOGGING, known: float | None = None
+    gateway: RobotGateway, text: str, lowest: float, highest: float, speed: float = JOGGING, known: float | None = None
 ) -> Generator[Question, Answer, float]:
     """Lets a person lower the tip where it stands, and returns the height that was settled.
 
@@ -218,8 +190,7 @@ def lower(
         x, y, z = (float(metres) for metres in gateway.pose())
         proposal = None if known is None else JogMove(known - z) if z - known > 1e-6 else JogMove(settled=True)
         answer = yield Jog(text, z, lowest, highest, proposal=proposal, remark=remark, again=again)
-        if not isinstance(answer, JogMove):
-            raise TypeError(f"A jog is answered with a JogMove, not {answer!r}.")
+        assert isinstance(answer, JogMove)
         if answer.settled:
             return z
         again, remark = True, ""
@@ -231,8 +202,7 @@ def lower(
 
 # Height maps from files, for maps that another program measured.
 
-Number = Annotated[float, Field(strict=True)]
-Row = Annotated[tuple[Number, ...], Field(max_length=MAX_LINES)]
+Row = Annotated[tuple[Annotated[float, Field(strict=True)], ...], Field(max_length=MAX_LINES)]
 
 
 @dataclass(frozen=True)
@@ -244,7 +214,7 @@ class _MapFile:
     height: Annotated[tuple[Row, ...], Field(max_length=MAX_LINES)]
 
 
-def read_surface(path: Path, easel: Easel) -> SurfaceFinding:
+def read_surface(path: Path, easel: Easel) -> Finding:
     """Reads a height map: TOML with `across` and `up` (canvas metres) and `height` (robot z in metres, row by row).
 
     The first row is the lowest. Points inside the canvas are extended to its edges.
@@ -265,22 +235,16 @@ def read_surface(path: Path, easel: Easel) -> SurfaceFinding:
             f"at least 2 of each; {advice}."
         )
     for lines, side in ((read.across, easel.canvas.width), (read.up, easel.canvas.height)):
-        _require_spread(path, lines, side)
+        most = max(0.15 * side, 0.02)  # heights far beyond the points would be guessed
+        if not (np.diff(lines) > 0).all() or not (0 <= lines[0] <= most and side - most <= lines[-1] <= side + 1e-6):
+            raise CalibrationError(
+                f"{path}: the points reach from {lines[0] * 1000:.0f} to {lines[-1] * 1000:.0f} mm of a side of "
+                f"{side * 1000:.0f} mm; they ascend, and begin and end at most {most * 1000:.0f} mm inside the edges. "
+                "Measure a map of this canvas."
+            )
     offset = np.array(read.height) - easel.calibration.touch_height
-    wide = SurfaceMap.of_points(easel.canvas, read.across, read.up, offset, datetime.now(UTC).date().isoformat())
-    require_room(wide, easel)
-    return SurfaceFinding(wide, np.array([(x, y) for y in read.up for x in read.across]))
-
-
-def _require_spread(path: Path, lines: tuple[float, ...], side: float) -> None:
-    """Raises CalibrationError if the points do not span the canvas: heights beyond them would be guessed."""
-    most = max(0.15 * side, 0.02)
-    if not (np.diff(lines) > 0).all() or not (0 <= lines[0] <= most and side - most <= lines[-1] <= side + 1e-6):
-        raise CalibrationError(
-            f"{path}: the points reach from {lines[0] * 1000:.0f} to {lines[-1] * 1000:.0f} mm of a side of "
-            f"{side * 1000:.0f} mm; they ascend, and begin and end at most {most * 1000:.0f} mm inside the edges. "
-            "Measure a map of this canvas."
-        )
+    wide = SurfaceMap.of_points(easel.canvas, read.across, read.up, offset, today())
+    return tell_surface(wide, np.array([(x, y) for y in read.up for x in read.across]), None, easel)
 
 
 # Picture of a height map.

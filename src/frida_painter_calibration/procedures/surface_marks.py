@@ -6,8 +6,7 @@ the canvas at each point; the middle of the canvas, the place of the brush calib
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -16,9 +15,9 @@ from scipy.optimize import least_squares
 from torch import Tensor
 
 from frida_painter.brush.kinds import BrushKind
-from frida_painter.calibration import Corners, SurfaceMap
+from frida_painter.calibration import SurfaceMap
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.dialogue import Procedure
+from frida_painter.easel.dialogue import Finding, Procedure
 from frida_painter.errors import CalibrationError, ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
@@ -28,12 +27,13 @@ from frida_painter.perception.snapshot import read_snapshot
 from frida_painter_calibration.procedures.paper import (
     LENGTH,
     EaselAccess,
+    ask_for_corners,
     ask_for_paper,
-    at_height,
     fill_with_black,
+    short_stroke,
     window,
 )
-from frida_painter_calibration.procedures.surface import POINTS, SurfaceFinding, require_room
+from frida_painter_calibration.procedures.surface import POINTS, tell_surface, today
 
 SHARES = (-0.5, -0.25, 0.0, 0.25, 0.5, 0.75)
 """Depths of the marks at a point, from the lightest, as shares of the way from the lightest touch to the hardest press.
@@ -42,7 +42,6 @@ The hardest mark leaves room for a canvas that is higher there.
 """
 _EDGE = 0.006  # metres between marks and the edge of the canvas
 _PITCH = 0.00025  # metres per pixel
-_STEP = 0.001
 _MIDDLE = 0.6  # share of a mark's length over which its width is measured; the ends are round
 _DARKENED = 0.35  # share of the paper's light that a marked pixel lacks at least
 _KNOTS = np.array((0.0, 0.25, 0.5, 0.75, 1.0, 1.5))  # of the curve, in shares
@@ -97,11 +96,14 @@ class MarkGrid:
             yield float(point[0]), float(top - number * self.apart)
 
 
-def paint_marks(easel: Easel, brush: BrushKind, *, points: int = POINTS) -> Procedure[None]:
-    """Paints the grid of marks, at each point from the lightest to the hardest.
+def surface_by_marks(easel: Easel, brush: BrushKind, *, points: int = POINTS) -> Procedure[Finding]:
+    """Paints the grid of marks, at each point from the lightest to the hardest, and learns the heights from them.
 
-    Raises CalibrationError if the person declines, WorkspaceViolation before anything moves, RobotError.
+    Without a camera the finding is a request for a person's picture.
+    Raises CalibrationError if the person declines or the marks tell no map, WorkspaceViolation before anything moves,
+    RobotError, CameraError.
     """
+    flat = replace(easel, calibration=easel.calibration.with_surface(None))
     grid = MarkGrid.plan(easel.canvas, brush, points)
     yield from ask_for_paper(
         easel,
@@ -110,56 +112,57 @@ def paint_marks(easel: Easel, brush: BrushKind, *, points: int = POINTS) -> Proc
         "Without paper no mark can be seen; repeat the surface calibration.",
     )
     fill_with_black(easel)
-    access = EaselAccess(easel, lowest=easel.workspace.lower[2])
-    known, motion = easel.calibration, Motion(easel.workspace, easel.calibration)
-    along = np.arange(-grid.length / 2, grid.length / 2 + _STEP / 2, _STEP)
+    access, known = EaselAccess(flat, lowest=easel.workspace.lower[2]), flat.calibration
+    dip = Motion(easel.workspace, known).dip(0)
     heights = [known.touch_height - share * (known.touch_height - known.press_height) for share in SHARES]
     for point in grid.points():
-        batch = [motion.dip(0)]
-        for (x, y), height in zip(grid.marks(point), heights, strict=True):
-            batch.append(at_height(easel, np.c_[x + along, np.full_like(along, y)], height))
-        access.perform(batch)
-    access.step_aside()
+        marks = zip(grid.marks(point), heights, strict=True)
+        access.gateway.perform([dip, *(short_stroke(flat, place, grid.length, height) for place, height in marks)])
+    access.gateway.step_aside()
+    if not easel.has_camera:
+        request = (
+            "The marks are painted. Take a picture of the whole canvas, also from aside, and give it with the same "
+            "command and --picture FILE."
+        )
+        return Finding(request, None, lambda record: record)
+    photograph = EaselAccess(flat).photograph().image
+    return learn_surface(rectify(photograph, known, _pixels(easel.canvas)), easel, brush, points=points)
 
 
-def look_at_marks(easel: Easel) -> Tensor:
-    """Returns the rectified canvas [3, rows, columns] in a photograph of the easel's camera.
+def surface_in_picture(
+    photograph: NDArray[np.uint8], easel: Easel, brush: BrushKind, *, points: int = POINTS
+) -> Procedure[Finding]:
+    """Learns the heights from a person's picture [H, W, 3] of the marks.
 
-    Raises RobotError, CameraError and their subclasses.
+    Raises FrameRejected if the picture does not show these marks, CalibrationError if they tell no map.
     """
-    access = EaselAccess(easel)
-    return rectify(access.photograph().image, easel.calibration, _pixels(easel.canvas))
-
-
-def read_marks(
-    photograph: NDArray[np.uint8], corners: Corners, easel: Easel, brush: BrushKind, *, points: int = POINTS
-) -> Tensor:
-    """Returns the canvas [3, rows, columns] in a person's picture [H, W, 3] of the marks, the right way up.
-
-    corners: of the canvas in the picture, clockwise from any of them
-    Raises FrameRejected if the picture does not show these marks.
-    """
+    corners = yield from ask_for_corners(photograph, easel.canvas)
     grid, pixels = MarkGrid.plan(easel.canvas, brush, points), _pixels(easel.canvas)
     bare = torch.ones(3, pixels.rows, pixels.columns)
     expected = bare.clone()
     for point in grid.points():
         for place, share in zip(grid.marks(point), SHARES, strict=True):
             if share > 0:
-                width = brush.width * (0.25 + 0.75 * share)
-                rows, columns = window(pixels, place, grid.length, width)
+                rows, columns = window(pixels, place, grid.length, brush.width * (0.25 + 0.75 * share))
                 expected[:, rows, columns] = _INK
-    return read_snapshot(photograph, corners, easel.canvas, bare, expected).canvas
+    seen = read_snapshot(photograph, corners, easel.canvas, bare, expected).canvas
+    return learn_surface(seen, easel, brush, points=points)
 
 
-def learn_surface(picture: Tensor, easel: Easel, brush: BrushKind, *, points: int = POINTS) -> SurfaceFinding:
+def learn_surface(picture: Tensor, easel: Easel, brush: BrushKind, *, points: int = POINTS) -> Finding:
     """Returns the height map from a picture [3, rows, columns] of the canvas with the marks.
 
     Raises CalibrationError if marks are missing, contradict one another, or the map cannot be true.
     """
-    grid, known = MarkGrid.plan(easel.canvas, brush, points), easel.calibration
-    width = measure_widths(picture, grid)
-    span = known.touch_height - known.press_height
-    _require_seen(width, grid, span)
+    canvas, known, grid = easel.canvas, easel.calibration, MarkGrid.plan(easel.canvas, brush, points)
+    width, span = measure_widths(picture, grid), known.touch_height - known.press_height
+    few = (width > 0).sum(1) < _FEWEST
+    if few.any():
+        x, y = grid.points()[int(few.argmax())] * 1000
+        raise CalibrationError(
+            f"At {x:.0f}, {y:.0f} mm of the canvas fewer than {_FEWEST} of {len(SHARES)} marks are seen: the brush has "
+            f"no paint, or the canvas is more than {span * 500:.1f} mm lower there. Raise it, or measure by jogging."
+        )
     offset, residual = fit_heights(width)
     widest = float(width.max())
     if not residual <= _MAX_RESIDUAL * widest:
@@ -167,14 +170,11 @@ def learn_surface(picture: Tensor, easel: Easel, brush: BrushKind, *, points: in
             f"The widths of the marks contradict one another by {residual * 1000:.2f} mm, {residual / widest:.0%} of "
             "the widest. Was there paint enough, and was the paper flat? Paint them again, or measure by jogging."
         )
-    shape = len(grid.up), len(grid.across)
-    heights = (offset * span).reshape(shape)
-    loose = SurfaceMap.of_points(easel.canvas, grid.across, grid.up, heights)
-    middle = float(loose.at(np.array([[easel.canvas.width / 2, easel.canvas.height / 2]]))[0])
-    dated = datetime.now(UTC).date().isoformat()
-    found = SurfaceMap.of_points(easel.canvas, grid.across, grid.up, heights - middle, dated)
-    require_room(found, easel)
-    return SurfaceFinding(found, grid.points())
+    heights = (offset * span).reshape(len(grid.up), len(grid.across))
+    loose = SurfaceMap.of_points(canvas, grid.across, grid.up, heights)
+    middle = float(loose.at(np.array([[canvas.width / 2, canvas.height / 2]]))[0])
+    found = SurfaceMap.of_points(canvas, grid.across, grid.up, heights - middle, today())
+    return tell_surface(found, grid.points(), None, easel)
 
 
 def measure_widths(picture: Tensor, grid: MarkGrid) -> NDArray[np.float64]:
@@ -207,33 +207,16 @@ def fit_heights(width: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]
     Returns the heights [k] as shares of the way from the lightest touch to the hardest press, and the mean error of the
     widths in metres.
     """
-    depth, widest = np.array(SHARES), float(width.max())
-    count, steps = len(width), len(_KNOTS) - 1
-    seen = width / widest
-
-    def curve(rises: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
-        level = np.concatenate([[0.0], np.cumsum(rises)])
-        return np.interp(at, _KNOTS, level)
+    widest, count, steps = float(width.max()), len(width), len(_KNOTS) - 1
 
     def misses(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
-        rises, offset = unknown[:steps], unknown[steps:]
-        return (curve(rises, depth[None] + offset[:, None]) - seen).ravel()
+        level, offset = np.r_[0.0, np.cumsum(unknown[:steps])], unknown[steps:]
+        return (np.interp(np.array(SHARES) + offset[:, None], _KNOTS, level) - width / widest).ravel()
 
     start = np.r_[np.full(steps, 1 / steps), np.zeros(count)]
     low, high = np.r_[np.zeros(steps), np.full(count, -1.0)], np.r_[np.full(steps, 1.5), np.full(count, 0.75)]
     best = least_squares(misses, start, bounds=(low, high), loss="soft_l1", f_scale=0.1)
     return best.x[steps:], float(np.sqrt((misses(best.x) ** 2).mean())) * widest
-
-
-def _require_seen(width: NDArray[np.float64], grid: MarkGrid, span: float) -> None:
-    """Raises CalibrationError if a point shows too few marks to tell its height."""
-    few = (width > 0).sum(1) < _FEWEST
-    if few.any():
-        x, y = grid.points()[int(few.argmax())] * 1000
-        raise CalibrationError(
-            f"At {x:.0f}, {y:.0f} mm of the canvas fewer than {_FEWEST} of {len(SHARES)} marks are seen: the brush has "
-            f"no paint, or the canvas is more than {span * 500:.1f} mm lower there. Raise it, or measure by jogging."
-        )
 
 
 def _pixels(canvas: CanvasSize) -> PixelGrid:

@@ -1,28 +1,20 @@
-"""Steps of a machine's setup: a person guides the tip to canvas, wells and lightest touch; then strokes test it all.
+"""Steps of a machine's setup, in which a person shows the program where the canvas, the touch and the paint are.
 
-Each step is a dialogue of its own, which takes a layout and returns a better one. A step that is left changes nothing.
-Every motion is checked against the layout before it is sent, and the guard of the easel's process checks it again.
+Every step is a dialogue that changes the layout on its bench. Every motion passes the gateway, within the box of the
+machine; the tip may go as deep as the box, because what it must not touch is only being found out.
 """
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 
-from frida_painter.brush.kinds import BrushKind
+from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.calibration import SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.connecting import find_zero, split_jog
-from frida_painter.easel.dialogue import (
-    Answer,
-    Choose,
-    Confirm,
-    Guide,
-    GuideMove,
-    SetupQuestion,
-    SetupStep,
-)
+from frida_painter.easel.dialogue import Answer, Choose, Confirm, Guide, GuideMove, SetupQuestion, SetupStep
 from frida_painter.errors import CalibrationError, ConfigError, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
@@ -31,14 +23,13 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Feeler, Point, Sense, Waypoints, ZeroedRobot
 from frida_painter.session.outline import plan_outlines
 from frida_painter.strokes import Strokes
-from frida_painter_calibration.procedures.surface import HOW_IT_FEELS, feel, lower, surface
+from frida_painter_calibration.procedures.surface import HOW_IT_FEELS, JOGGING, feel, lower, surface
 
 TEST_STROKES = 3
 """Number of the test strokes: light, middle and hard."""
 MAX_WELLS = 12
 """Greatest number of wells in one marked row."""
 _NEAR = 0.008  # metres above the canvas at which the search for the touch begins
-_JOGGING = 0.02  # m/s
 _DEEPEST = 0.05
 _ROOM = 2.0  # metres of a person's jogging along one axis in all
 _MARGIN = 0.012  # metres between a test stroke and the edge of the canvas
@@ -50,12 +41,14 @@ class Bench:
 
     feels: how the machine feels a touch; None if it does not, or is not to
     surface: height map of an uneven canvas; None if it is flat
+    size: of the canvas if a person said it; None if three corners are marked
     """
 
     easel: Easel
     layout: Layout
     feels: Sense | None = None
     surface: SurfaceMap | None = None
+    size: CanvasSize | None = None
 
     def within_box(self) -> Easel:
         """Returns the easel in the present layout, with the whole box of the machine as its bounds."""
@@ -70,10 +63,10 @@ class Bench:
         )
         return replace(self.easel, workspace=box, calibration=known, canvas=workcell.canvas)
 
-    def go(self, label: str, *places: Point, speed: float | None = None) -> None:
-        """Moves the tip through the places. Raises WorkspaceViolation before anything moves, RobotError."""
-        pace = self.layout.travel_speed if speed is None else speed
-        self.perform(Waypoints(label, np.array(places, np.float64), pace), lowest=self.layout.lower[2])
+    def tip(self) -> Point:
+        """Returns the position of the tip in metres. Raises RobotError."""
+        x, y, z = (float(metres) for metres in self.easel.robot.pose())
+        return x, y, z
 
     def perform(self, motion: Waypoints, *, lowest: float | None = None) -> None:
         """Makes a motion if it is allowed.
@@ -83,9 +76,14 @@ class Bench:
         """
         RobotGateway(self.within_box(), lowest=lowest).perform([motion])
 
+    def go(self, label: str, *places: Point) -> None:
+        """Moves the tip through the places at travel speed. Raises the errors of `perform`."""
+        motion = Waypoints(label, np.array(places, np.float64), self.layout.travel_speed)
+        self.perform(motion, lowest=self.layout.lower[2])
+
     def pass_over(self, label: str, place: Point) -> None:
         """Moves up, across and to above a place, at travel height."""
-        x, y, z = (float(metres) for metres in self.easel.robot.pose())
+        x, y, z = self.tip()
         high = max(z, self.layout.travel_height)
         across = max(self.layout.travel_height, min(place[2], self.layout.upper[2]))
         self.go(label, (x, y, high), (place[0], place[1], high), (place[0], place[1], across))
@@ -113,8 +111,7 @@ def settle_zero(bench: Bench, corner: Point | None, *, marked: bool) -> SetupSte
     while not stands:
         here = (float(gone[0]), float(gone[1]), float(gone[2]))
         answer = yield Guide(told, here, (-_ROOM,) * 3, (_ROOM,) * 3, again=again)
-        if not isinstance(answer, GuideMove):
-            raise TypeError(f"A guide is answered with a GuideMove, not {answer!r}.")
+        assert isinstance(answer, GuideMove)
         again, stands, left = True, answer.settled, np.array(answer.step)
         for part in split_jog(left):
             robot.jog(part)
@@ -127,14 +124,12 @@ def try_lift(bench: Bench) -> SetupStep[None]:
 
     Raises ConfigError if it does not move.
     """
-    layout = bench.layout
-    x, y, _ = (float(metres) for metres in bench.easel.robot.pose())
-    top = layout.upper[2]
-    half = (layout.touch + top) / 2
+    x, y, _ = bench.tip()
+    top = bench.layout.upper[2]
+    half = (bench.layout.touch + top) / 2
     while True:
         bench.go("lift", (x, y, top), (x, y, half), (x, y, top))
-        moved = yield Confirm("The brush should have gone down halfway, and up again. Did it move?")
-        if moved:
+        if (yield Confirm("The brush should have gone down halfway, and up again. Did it move?")):
             return
         if not (yield Confirm("Look at its plug and its power. Try the lift once more?")):
             raise ConfigError(
@@ -146,15 +141,15 @@ def try_lift(bench: Bench) -> SetupStep[None]:
 
 def guide(bench: Bench, text: str, place: Point) -> Generator[SetupQuestion, Answer, Point]:
     """Moves to above a place, lets the person guide the tip, and returns the position at which it was settled."""
-    bench.pass_over("go there", _within(place, bench.layout))
+    x, y, z = np.clip(np.array(place), bench.layout.lower, bench.layout.upper).tolist()
+    bench.pass_over("go there", (x, y, z))
     remark, again = "", False
     while True:
-        x, y, z = (float(metres) for metres in bench.easel.robot.pose())
-        answer = yield Guide(text, (x, y, z), bench.layout.lower, bench.layout.upper, remark=remark, again=again)
-        if not isinstance(answer, GuideMove):
-            raise TypeError(f"A guide is answered with a GuideMove, not {answer!r}.")
+        x, y, z = here = bench.tip()
+        answer = yield Guide(text, here, bench.layout.lower, bench.layout.upper, remark=remark, again=again)
+        assert isinstance(answer, GuideMove)
         if answer.settled:
-            return (x, y, z)
+            return here
         remark, again = "", True
         dx, dy, dz = answer.step
         try:
@@ -163,77 +158,74 @@ def guide(bench: Bench, text: str, place: Point) -> Generator[SetupQuestion, Ans
             remark = f"Not moved: {refused}"
 
 
-def _within(place: Point, layout: Layout) -> Point:
-    x, y, z = np.clip(np.array(place), layout.lower, layout.upper)
-    return float(x), float(y), float(z)
-
-
-def mark_canvas(bench: Bench, size: CanvasSize | None = None) -> SetupStep[Layout]:
-    """Returns the layout with the canvas as marked by two corners, or by three if its size is not known."""
-    layout = bench.layout
+def mark_canvas(bench: Bench) -> SetupStep[None]:
+    """Has the canvas marked by two corners, or by three if its size is not known."""
+    layout, size = bench.layout, bench.size
     corners = layout.corners()
     marked: list[Point] = []
     for name in ("bottom left", "bottom right", *(() if size else ("top left",))):
-        proposed = corners[name]
+        x, y, z = corners[name]
         if marked:  # the canvas was moved as a whole
             shift = np.subtract(marked[0], corners["bottom left"])
-            proposed = (proposed[0] + float(shift[0]), proposed[1] + float(shift[1]), proposed[2])
-        found = yield from guide(
-            bench, f"Guide the tip to just above the {name} corner of the canvas, as you see it.", proposed
-        )
+            x, y = x + float(shift[0]), y + float(shift[1])
+        told = f"Guide the tip to just above the {name} corner of the canvas, as you see it."
+        found = yield from guide(bench, told, (x, y, z))
         marked.append((found[0], found[1], layout.touch))
-    left, right, *top = marked
-    return layout.with_canvas(left, right, top[0] if top else None, size)
+    bench.layout = layout.with_canvas(marked[0], marked[1], None if size else marked[2], size)
 
 
-def find_touch(bench: Bench) -> SetupStep[Layout]:
-    """Returns the layout with the heights of the lightest touch and the hardest press over the canvas's middle."""
+def find_touch(bench: Bench) -> SetupStep[None]:
+    """Finds the heights of the lightest touch and the hardest press over the canvas's middle."""
     layout = bench.layout
-    place = _middle(layout)
+    (x, y, z), (u, v, _) = layout.corners()["bottom left"], layout.corners()["top right"]
+    place = (x + u) / 2, (y + v) / 2, max(z + _NEAR, layout.press)
     bench.pass_over("go to the middle of the canvas", place)
-    felt = bench.feels is not None and (
-        yield Confirm(f"{HOW_IT_FEELS[bench.feels]} Shall it go down until it feels the canvas? (n: you lower it)")
-    )
+    lowest, felt = layout.lower[2], False
+    if bench.feels is not None:
+        told = f"{HOW_IT_FEELS[bench.feels]} Shall it go down until it feels the canvas? (n: you lower it)"
+        felt = (yield Confirm(told)) is True
     if felt:
         assert isinstance(bench.easel.robot, Feeler)
         try:
-            found = feel(bench.easel.robot, layout.lower[2], "The middle of the canvas")
+            touch = feel(bench.easel.robot, lowest, "The middle of the canvas")
         except CalibrationError:
             bench.pass_over("rise", place)
             raise
-        bench.pass_over("rise", place)
-        press = max(found - (layout.touch - layout.press), layout.lower[2])
-        return layout.with_touch(round(found, 5), round(press, 5))
-    gateway, lowest = RobotGateway(bench.within_box(), lowest=layout.lower[2]), layout.lower[2]
-    speed = min(layout.travel_speed, _JOGGING)
-    light = "Lower the brush until its tip just touches the canvas (the lightest mark)."
-    hard = "Now lower it as far as it may ever be pressed. A pen is hardly pressed: 0.2 mm do."
-    touch = yield from lower(gateway, light, lowest, layout.upper[2], speed)
-    press = yield from lower(gateway, hard, lowest, touch, speed)
+        press = max(touch - (layout.touch - layout.press), lowest)
+    else:
+        gateway, speed = RobotGateway(bench.within_box(), lowest=lowest), min(layout.travel_speed, JOGGING)
+        light = "Lower the brush until its tip just touches the canvas (the lightest mark)."
+        hard = "Now lower it as far as it may ever be pressed. A pen is hardly pressed: 0.2 mm do."
+        touch = yield from lower(gateway, light, lowest, layout.upper[2], speed)
+        press = yield from lower(gateway, hard, lowest, touch, speed)
     bench.pass_over("rise", place)
-    if not 0 < touch - press <= _DEEPEST:
+    if not felt and not 0 < touch - press <= _DEEPEST:
         raise CalibrationError(
             f"The hardest press was marked {(touch - press) * 1000:.1f} mm below the lightest touch; it is above 0 and "
             f"at most {_DEEPEST * 1000:g} mm below. Repeat this step."
         )
-    return layout.with_touch(round(touch, 5), round(press, 5))
+    bench.layout = layout.with_touch(round(touch, 5), round(press, 5))
 
 
-def map_surface(bench: Bench) -> SetupStep[SurfaceMap | None]:
-    """Returns the height map of an uneven canvas; None if the person finds it flat. Raises the errors of `surface`."""
-    if bench.feels == "force":  # it costs the person nothing
-        return (yield from surface(bench.within_box())).surface
-    uneven = yield Confirm(
-        "Is the canvas uneven or tilted, by more than the brush forgives? Nine points are then measured.",
-        proposal=False,
+def map_surface(bench: Bench) -> SetupStep[None]:
+    """Measures an uneven canvas; a person tells whether it is one. Raises the errors of `surface`."""
+    measured = None
+    uneven = bench.feels == "force" or (  # it costs the person nothing
+        yield Confirm(
+            "Is the canvas uneven or tilted, by more than the brush forgives? Nine points are then measured.",
+            proposal=False,
+        )
     )
-    if not uneven:
-        return None
-    return (yield from surface(bench.within_box(), felt=bench.feels is not None)).surface
+    if uneven:
+        here = bench.within_box()
+        found = yield from surface(here, felt=bench.feels is not None)
+        measured = found.enter(here.calibration).surface
+    ends = (measured.lowest, measured.highest) if measured else (0.0, 0.0)
+    bench.surface, bench.layout = measured, replace(bench.layout, uneven=ends)
 
 
-def mark_paint(bench: Bench) -> SetupStep[Layout]:
-    """Returns the layout with marked wells, water and rag. Wells stand in a row, evenly from the first to the last."""
+def mark_paint(bench: Bench) -> SetupStep[None]:
+    """Has wells, water and rag marked. Wells stand in a row, evenly from the first to the last."""
     layout = bench.layout
     proposed = layout.paint.wells[:MAX_WELLS]
     counts = tuple(str(number) for number in range(1, MAX_WELLS + 1))
@@ -244,22 +236,17 @@ def mark_paint(bench: Bench) -> SetupStep[Layout]:
     if count > 1:
         last = proposed[min(count, len(proposed)) - 1]
         end = yield from guide(bench, f"Guide the tip into the last well, number {count}.", last)
-        wells = [_between(first, end, number / (count - 1)) for number in range(count)]
+        wells = [(x, y, z) for x, y, z in np.linspace(first, end, count).tolist()]
     water = yield from guide(bench, "Guide the tip into the water.", layout.paint.water)
     rag = yield from guide(bench, "Guide the tip onto the middle of the rag.", layout.paint.rag)
     bench.pass_over("rise", rag)
-    return layout.with_paint(wells, water, rag)
-
-
-def _between(start: Point, end: Point, share: float) -> Point:
-    x, y, z = np.array(start) + share * np.subtract(end, start)
-    return float(x), float(y), float(z)
+    bench.layout = layout.with_paint(wells, water, rag)
 
 
 def trace(bench: Bench) -> SetupStep[None]:
     """Traces the outline of canvas, wells, water and rag in the air, until the person agrees."""
     while True:
-        for motion in outlines(bench):
+        for motion in _outlines(bench):
             bench.perform(motion, lowest=bench.layout.lower[2])
         agreed = yield Confirm(
             "The tip went around the canvas, and over each well, the water and the rag, in the air. Was that right? "
@@ -267,14 +254,13 @@ def trace(bench: Bench) -> SetupStep[None]:
         )
         if agreed:
             return
-        again = yield Confirm("Trace them once more?", proposal=False)
-        if not again:
+        if not (yield Confirm("Trace them once more?", proposal=False)):
             raise CalibrationError(
                 "The outline was not right; mark the canvas or the wells again, then trace it again."
             )
 
 
-def outlines(bench: Bench) -> Iterator[Waypoints]:
+def _outlines(bench: Bench) -> Iterator[Waypoints]:
     """Yields the motions of the trace: around the canvas, then over the wells, the water and the rag."""
     yield from plan_outlines(bench.within_box())
     layout = bench.layout
@@ -283,22 +269,23 @@ def outlines(bench: Bench) -> Iterator[Waypoints]:
     yield Waypoints("over the wells", over, layout.travel_speed)
 
 
-def paint_test(bench: Bench, brush: BrushKind) -> SetupStep[bool]:
-    """Paints three strokes on the canvas, from light to hard; returns True if the person finds them right."""
+def paint_test(bench: Bench) -> SetupStep[None]:
+    """Paints three strokes on the canvas, from light to hard. Raises ConfigError if the person finds them wrong."""
     ready = yield Confirm(
         "Lay a sheet of paper on the canvas, and put paint on the brush (or a pen into the holder). "
         f"{TEST_STROKES} strokes follow, from light to hard. Go on?"
     )
-    if not ready:
-        return False
-    here = bench.within_box()
-    motion = Motion(here.workspace, here.calibration)
-    strokes = place_strokes(bench.layout.canvas, brush)
-    for number in range(TEST_STROKES):
-        for part in motion.swift_stroke(strokes, number, f"test stroke {number + 1}"):
-            bench.perform(part)
-    right = yield Confirm("Are there three strokes, from light to hard, and is nothing bent or torn?")
-    return bool(right)
+    right = False
+    if ready:
+        here = bench.within_box()
+        motion = Motion(here.workspace, here.calibration)
+        strokes = place_strokes(bench.layout.canvas, brush_kind(here.calibration.brush))
+        for number in range(TEST_STROKES):
+            for part in motion.swift_stroke(strokes, number, f"test stroke {number + 1}"):
+                bench.perform(part)
+        right = (yield Confirm("Are there three strokes, from light to hard, and is nothing bent or torn?")) is True
+    if not right:
+        raise ConfigError("The test strokes were not right; repeat the touch or the canvas, then paint them again.")
 
 
 def place_strokes(canvas: CanvasSize, brush: BrushKind) -> Strokes:
@@ -306,19 +293,22 @@ def place_strokes(canvas: CanvasSize, brush: BrushKind) -> Strokes:
     shortest, longest = brush.limits.length
     length = min(longest, max(shortest, canvas.width / 3))
     apart = min(brush.width * 1.5, (canvas.height - 2 * _MARGIN) / TEST_STROKES)
-    middle = np.array((canvas.width / 2, canvas.height / 2))
-    rows = middle[1] + apart * (np.arange(TEST_STROKES)[::-1] - (TEST_STROKES - 1) / 2)
+    rows = canvas.height / 2 + apart * (np.arange(TEST_STROKES)[::-1] - (TEST_STROKES - 1) / 2)
+    start = np.c_[np.full(TEST_STROKES, (canvas.width - length) / 2), rows]
+    none = torch.zeros(TEST_STROKES)
     strokes = Strokes(
-        position=torch.tensor(np.c_[np.full(TEST_STROKES, middle[0] - length / 2), rows], dtype=torch.float32),
-        angle=torch.zeros(TEST_STROKES),
-        length=torch.full((TEST_STROKES,), length),
-        bend=torch.zeros(TEST_STROKES),
-        thickness=torch.linspace(0.2, 1.0, TEST_STROKES),
-        color=torch.zeros(TEST_STROKES, 3),
-    )
+        torch.tensor(start, dtype=torch.float32), none, none + length, none, torch.linspace(0.2, 1.0, TEST_STROKES),
+        torch.zeros(TEST_STROKES, 3),
+    )  # fmt: skip
     return strokes.project(brush.limits, canvas)
 
 
-def _middle(layout: Layout) -> Point:
-    (x, y, z), (u, v, _) = layout.corners()["bottom left"], layout.corners()["top right"]
-    return (x + u) / 2, (y + v) / 2, max(z + _NEAR, layout.press)
+STEPS: dict[str, tuple[str, Callable[[Bench], SetupStep[None]]]] = {
+    "canvas": ("mark the corners of the canvas", mark_canvas),
+    "touch": ("find the lightest touch and the hardest press", find_touch),
+    "surface": ("measure the canvas if it is uneven", map_surface),
+    "paint": ("mark the wells, the water and the rag", mark_paint),
+    "trace": ("trace the outlines in the air", trace),
+    "strokes": ("paint three test strokes", paint_test),
+}
+"""Steps of a setup in their order: what a person does in each, and its dialogue."""

@@ -57,9 +57,7 @@ class BezierStroke(nn.Module):
 
     def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits, shape: RibbonShape) -> None:
         super().__init__()
-        self.brush = brush
-        self.frame = frame
-        self.limits = limits
+        self.brush, self.frame, self.limits = brush, frame, limits
         self.shape = nn.ParameterDict({name: torch.tensor(value) for name, value in asdict(shape).items()})
 
     @classmethod
@@ -83,28 +81,19 @@ class BezierStroke(nn.Module):
         path_y = _MM * bend[:, None] * middle
         height = END_THICKNESS * (1 - middle) + thickness[:, None] * middle
         half_width = shape["lightest"] + height * (shape["hardest"] - shape["lightest"])
-        beyond: Tensor | None = None
+        x, y, wide = (part[..., None, None] for part in (path_x, path_y, half_width))  # [n, segments + 1, 1, 1]
+        beyond = None
         for start in range(_SEGMENTS):
-            reach = _beyond_segment(cell_x, cell_y, path_x, path_y, half_width, start)
-            beyond = reach if beyond is None else torch.minimum(beyond, reach)
+            run, rise, widening = (part[:, start + 1] - part[:, start] for part in (x, y, wide))
+            from_x, from_y = cell_x - x[:, start], cell_y - y[:, start]
+            nearest = ((from_x * run + from_y * rise) / (run * run + rise * rise + 1e-12)).clamp(0, 1)
+            off_x, off_y = from_x - nearest * run, from_y - nearest * rise
+            # The small constant keeps the gradient of the root finite on the path.
+            away = torch.sqrt(off_x * off_x + off_y * off_y + 1e-9) - wide[:, start] - nearest * widening
+            beyond = away if beyond is None else torch.minimum(beyond, away)
         assert beyond is not None
         edge = (0.5 - beyond / shape["softness"]).clamp(0, 1)
         return shape["opacity"] * edge * edge * (3 - 2 * edge)
-
-
-def _beyond_segment(
-    cell_x: Tensor, cell_y: Tensor, path_x: Tensor, path_y: Tensor, half_width: Tensor, start: int
-) -> Tensor:
-    """Returns the distance of cells from one straight piece of the ribbon, [n, rows, columns] in millimetres."""
-    x, y, wide = (part[:, start, None, None] for part in (path_x, path_y, half_width))
-    run = path_x[:, start + 1, None, None] - x
-    rise = path_y[:, start + 1, None, None] - y
-    widening = half_width[:, start + 1, None, None] - wide
-    from_x, from_y = cell_x - x, cell_y - y
-    nearest = ((from_x * run + from_y * rise) / (run * run + rise * rise + 1e-12)).clamp(0, 1)
-    off_x, off_y = from_x - nearest * run, from_y - nearest * rise
-    # The small constant keeps the gradient of the root finite on the path.
-    return torch.sqrt(off_x * off_x + off_y * off_y + 1e-9) - wide - nearest * widening
 
 
 def fit_bezier(model: BezierStroke, library: StrokeLibrary, *, seed: int = 0, steps: int = 150) -> float:
@@ -128,8 +117,5 @@ def fit_bezier(model: BezierStroke, library: StrokeLibrary, *, seed: int = 0, st
             for name, (least, most) in _RANGES.items():
                 model.shape[name].clamp_(least, most)
     with torch.no_grad():
-        parts = torch.split(torch.arange(len(library)), _BATCH)
-        return (
-            sum(float((model(thickness[p], length[p], bend[p]) - wanted[p]).abs().sum()) for p in parts)
-            / wanted.numel()
-        )
+        parts = zip(*(torch.split(part, _BATCH) for part in (thickness, length, bend, wanted)), strict=True)
+        return sum(float((model(*shape) - mark).abs().sum()) for *shape, mark in parts) / wanted.numel()

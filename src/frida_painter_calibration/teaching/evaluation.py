@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -17,11 +19,15 @@ from frida_painter.frames import MapFrame
 from frida_painter.strokes import StrokeLimits
 from frida_painter_calibration.teaching.families import FamilyField
 from frida_painter_calibration.teaching.param2stroke import Param2Stroke, train_param2stroke
-from frida_painter_calibration.teaching.training import TrainingProgress, TrainingReport, require_enough, train_field
+from frida_painter_calibration.teaching.training import (
+    Hearing,
+    TrainingProgress,
+    TrainingReport,
+    make_fresh,
+    require_enough,
+    train_field,
+)
 
-# From a stroke library to a stroke model; only this part knows all kinds of models.
-
-_KINDS_OF_MODEL: dict[str, type[StrokeField] | type[Param2Stroke]] = {FIELD: StrokeField, PARAM2STROKE: Param2Stroke}
 OTHER_BRUSH = "other"
 """Name of a brush outside this project."""
 _COLUMNS = {FIELD: 160, PARAM2STROKE: 80}
@@ -47,7 +53,7 @@ def learn(
     *,
     seed: int = 0,
     hasty: bool = False,
-    notify: Callable[[TrainingProgress], None] | None = None,
+    notify: Hearing | None = None,
 ) -> Learned:
     """Trains the stroke model `name` on the clean strokes of a library.
 
@@ -64,45 +70,23 @@ def learn(
         brush, (frame, limits) = OTHER_BRUSH, geometry(library, _COLUMNS[name])
     else:
         brush, frame, limits = kind.name, kind.frame, kind.limits
-    strokes = clean(library)
+    strokes, family = clean(library), limits.family
     require_enough(strokes)
-    if kind is not None and kind.limits.family is not None:
-        return _learn_family(name, strokes, kind, seed, 2 if hasty else None, notify)
-    if library.code is not None:
+    if family is None and library.code is not None:
         raise LibraryError(
             "The stroke library holds strokes of a family; say of which (--strokes-of), and the brush that painted it."
         )
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        model = _KINDS_OF_MODEL[name](brush, frame, limits)
-    if isinstance(model, StrokeField):
-        report = train_field(model, strokes, seed=seed, epochs=2 if hasty else None, notify=notify)
-    elif hasty:
-        report = train_param2stroke(model, strokes, seed=seed, rehearsals=0, epochs=11, notify=notify)
-    else:
-        report = train_param2stroke(model, strokes, seed=seed, notify=notify)
-    return Learned(model, report, strokes)
-
-
-def _learn_family(
-    name: str,
-    strokes: StrokeLibrary,
-    kind: BrushKind,
-    seed: int,
-    epochs: int | None,
-    notify: Callable[[TrainingProgress], None] | None,
-) -> Learned:
-    """Trains the field of a family's strokes for a brush. Raises ConfigError and LibraryError if they do not fit."""
-    family = kind.limits.family
-    assert family is not None
-    if name != FIELD:
+    if family is not None and name != FIELD:
         raise ConfigError(f"The strokes of a family were to be learned by {name}; only {FIELD} learns them.")
-    if strokes.code is None or strokes.code.shape[1] != family.codes:
+    if family is not None and (strokes.code is None or strokes.code.shape[1] != family.codes):
         raise LibraryError(f"The stroke library holds no strokes of the family {family.name}; paint it anew.")
-    with torch.random.fork_rng(devices=[]):
-        torch.manual_seed(seed)
-        model = FamilyField(kind.name, kind.frame, kind.limits)
-    return Learned(model, train_field(model, strokes, seed=seed, epochs=epochs, notify=notify), strokes)
+    if name == PARAM2STROKE:
+        network = make_fresh(Param2Stroke, brush, frame, limits, seed)
+        hurry = {"rehearsals": 0, "epochs": 11} if hasty else {}
+        return Learned(network, train_param2stroke(network, strokes, seed=seed, notify=notify, **hurry), strokes)
+    field = make_fresh(StrokeField if family is None else FamilyField, brush, frame, limits, seed)
+    report = train_field(field, strokes, seed=seed, epochs=2 if hasty else None, notify=notify)
+    return Learned(field, report, strokes)
 
 
 def geometry(library: StrokeLibrary, most_columns: int = _USUAL_COLUMNS) -> tuple[MapFrame, StrokeLimits]:
@@ -121,14 +105,13 @@ def geometry(library: StrokeLibrary, most_columns: int = _USUAL_COLUMNS) -> tupl
     columns = max(4, min(most_columns, 2 * round(whole.columns / 2)))
     pitch = (whole.right - whole.left) / columns
     rows = max(4, 2 * round((whole.top - whole.bottom) / pitch / 2))
-    shortest, longest = _with_room(float(library.length_m.min()), float(library.length_m.max()))
-    bends = _with_room(float(library.bend_m.min()), float(library.bend_m.max()))
+    bounds = []
+    for values in (library.length_m, library.bend_m):
+        least, most = float(values.min()), float(values.max())
+        room = max(_MIN_ROOM, _ROOM * (most - least))
+        bounds.append((least - room, most + room))
+    (shortest, longest), bends = bounds
     return whole.resize(rows, columns), StrokeLimits((max(_SHORTEST, shortest), longest), bends)
-
-
-def _with_room(least: float, most: float) -> tuple[float, float]:
-    room = max(_MIN_ROOM, _ROOM * (most - least))
-    return least - room, most + room
 
 
 _BATCH = 32
@@ -157,17 +140,17 @@ def evaluate(model: StrokeModel, library: StrokeLibrary) -> Evaluation:
     A stroke outside the limits of the model is compared too and marked in `outside`. Raises LibraryError if
     more than a quarter of the strokes are outside: the library then belongs to another brush.
     """
-    limits = {"length": model.limits.length, "bend": model.limits.bend}
     if (model.limits.family is None) != (library.code is None):
         raise LibraryError("The library and the model are of different kinds of strokes; give those of one family.")
-    outside = np.zeros(len(library), np.bool_)
-    for values, (least, most) in zip((library.length_m, library.bend_m), limits.values(), strict=True):
+    outside, known = np.zeros(len(library), np.bool_), []
+    for name, values in (("length", library.length_m), ("bend", library.bend_m)):
+        least, most = getattr(model.limits, name)
         outside |= ~((values >= least - _TOLERANCE) & (values <= most + _TOLERANCE))
+        known.append(f"{name} {1000 * least:.1f} to {1000 * most:.1f} mm")
     if outside.mean() > _MAX_OUTSIDE:
-        known = ", ".join(f"{name} {1000 * low:.1f} to {1000 * high:.1f} mm" for name, (low, high) in limits.items())
         raise LibraryError(
-            f"Of {len(library)} strokes of the library {outside.sum()} are outside what the model knows ({known}); "
-            "give a library of the brush that the model was trained for."
+            f"Of {len(library)} strokes of the library {outside.sum()} are outside what the model knows "
+            f"({', '.join(known)}); give a library of the brush that the model was trained for."
         )
     return Evaluation(errors(model, library), library.magnitude.mean((1, 2), dtype=np.float64) / 255, outside)
 
@@ -189,8 +172,7 @@ def errors(model: StrokeModel, library: StrokeLibrary) -> NDArray[np.float64]:
     return np.concatenate(found)
 
 
-@dataclass(frozen=True)
-class Likelihood:
+class Likelihood(NamedTuple):
     """Quality of a model's mean and variance: mean log density of a cell's magnitude in nats; higher is better.
 
     predicted: for normal distributions with the mean and the variance of the model
@@ -226,7 +208,7 @@ def cross_validate(
     *,
     folds: int,
     seed: int = 0,
-    notify: Callable[[int, TrainingProgress], None] | None = None,
+    notify: Callable[[int, TrainingProgress], None] = lambda fold, progress: None,
 ) -> NDArray[np.float64]:
     """Trains the stroke model `name` without one fold of the library at a time, and tests it on that fold.
 
@@ -243,11 +225,7 @@ def cross_validate(
     order = np.random.default_rng(seed).permutation(len(library))
     tested = []
     for fold, test in enumerate(np.array_split(order, folds)):
-
-        def hear(progress: TrainingProgress, fold: int = fold) -> None:
-            if notify is not None:
-                notify(fold, progress)
-
+        hear = partial(notify, fold)
         learned = learn(name, library[np.setdiff1d(order, test)], kind, seed=seed, notify=hear)
         tested.append(errors(learned.model, library[test]).mean())
     return np.array(tested)

@@ -69,14 +69,14 @@ class TracedPaths(NamedTuple):
         place [m, 2], path [m]: places, and the number of the path of each
         half_width [k, s]: half of the ribbon's width at each sample
         """
-        found = []
+        found = [path[:0]]
         with torch.no_grad():
             parts = (torch.split(each, _PLACES_AT_ONCE) for each in (place, path))
             for some, number in zip(*parts, strict=True):
                 near = self.point[number]  # [m, s, 2]
                 away = torch.hypot(near[..., 0] - some[:, :1], near[..., 1] - some[:, 1:])
                 found.append((away - half_width[number]).argmin(1))
-        return torch.cat(found) if found else path
+        return torch.cat(found)
 
     def seen_from(self, place: Tensor, path: Tensor, sample: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor]:
         """Returns the view of places from the path near a sample.
@@ -100,13 +100,8 @@ class TracedPaths(NamedTuple):
         return away, left, walked + along, pressure
 
 
-def _family_of(limits: StrokeLimits) -> StrokeFamily:
-    if limits.family is None:
-        raise ValueError("limits without a stroke family")
-    return limits.family
-
-
 def _cell_places(model: StrokeModel, length: Tensor) -> Tensor:
+    """Returns the centres of the cells of strokes of these sizes [n], [n, rows x columns, 2] in metres."""
     growth = growth_of(model, length)
     assert growth is not None
     cell = model.frame.cell_centers(dtype=length.dtype, device=length.device).view(-1, 2)
@@ -126,7 +121,8 @@ class FamilyField(StrokeField):
 
     def __init__(self, brush: str, frame: MapFrame, limits: StrokeLimits) -> None:
         super().__init__(brush, frame, limits)
-        self.family = _family_of(limits)
+        assert limits.family is not None
+        self.family = limits.family
         self.half_width = mark_width(self) / 2
         self.register_buffer("mean", self.family.mean.clone())
         self.register_buffer("modes", self.family.modes.clone())
@@ -228,7 +224,8 @@ class FamilyRibbon(nn.Module):
     def __init__(self, kind: BrushKind) -> None:
         super().__init__()
         self.brush, self.frame, self.limits = kind.name, kind.frame, kind.limits
-        self.family = _family_of(kind.limits)
+        assert kind.limits.family is not None
+        self.family = kind.limits.family
         self.ribbon = RibbonShape.typical(kind.width)
 
     def forward(self, thickness: Tensor, length: Tensor, bend: Tensor) -> Tensor:
@@ -238,22 +235,22 @@ class FamilyRibbon(nn.Module):
         length [n]: sizes in metres
         bend [n, codes]: codes
         """
-        cells = self.frame.rows * self.frame.columns
-        count = max(1, _CELLS_AT_ONCE // cells)
-        parts = zip(*(torch.split(part, count) for part in (thickness, length, bend)), strict=True)
-        maps = [self._maps(*part) for part in parts]
-        return torch.cat(maps) if maps else length.new_zeros(0, self.frame.rows, self.frame.columns)
+        shape, maps = self.ribbon, [length.new_zeros(0, self.frame.rows, self.frame.columns)]
+        count = max(1, _CELLS_AT_ONCE // (self.frame.rows * self.frame.columns))
 
-    def _maps(self, thickness: Tensor, length: Tensor, code: Tensor) -> Tensor:
-        shape, paths = self.ribbon, TracedPaths.of(self.family, length, code)
-        wide = 1e-3 * (shape.lightest + (shape.hardest - shape.lightest) * thickness[:, None] * paths.pressure)
-        cell = _cell_places(self, length)
-        place = cell.flatten(0, 1)
-        stroke = torch.arange(len(length), device=length.device).repeat_interleave(cell.shape[1])
-        away, _, _, pressure = paths.seen_from(place, stroke, paths.nearest(place, stroke, wide))
-        half = 1e-3 * (shape.lightest + (shape.hardest - shape.lightest) * thickness[stroke] * pressure)
-        edge = (0.5 - (away - half) / (1e-3 * shape.softness)).clamp(0, 1)
-        return (shape.opacity * edge * edge * (3 - 2 * edge)).view(-1, self.frame.rows, self.frame.columns)
+        def half_width(press: Tensor) -> Tensor:
+            return 1e-3 * (shape.lightest + (shape.hardest - shape.lightest) * press)
+
+        for press, size, code in zip(*(torch.split(part, count) for part in (thickness, length, bend)), strict=True):
+            paths, cell = TracedPaths.of(self.family, size, code), _cell_places(self, size)
+            place = cell.flatten(0, 1)
+            stroke = torch.arange(len(size), device=length.device).repeat_interleave(cell.shape[1])
+            nearest = paths.nearest(place, stroke, half_width(press[:, None] * paths.pressure))
+            away, _, _, pressure = paths.seen_from(place, stroke, nearest)
+            edge = (0.5 - (away - half_width(press[stroke] * pressure)) / (1e-3 * shape.softness)).clamp(0, 1)
+            drawn = shape.opacity * edge * edge * (3 - 2 * edge)
+            maps.append(drawn.view(-1, self.frame.rows, self.frame.columns))
+        return torch.cat(maps)
 
 
 # Families by name or file
@@ -305,7 +302,7 @@ def load_family(source: str | Path) -> StrokeFamily:
 
     Raises FamilyError if there is none, PluginError if the package that registers it is broken.
     """
-    part = _registered(source)
+    part = _find_registered(source)
     return read_family(Path(source)) if part is None else part.load()
 
 
@@ -315,10 +312,10 @@ def load_family_model(source: str | Path, brush: str) -> StrokeModel:
     It is the learned one if there is one for this brush, else a ribbon along the path.
     Raises FamilyError, WeightsError, and ConfigError if the brush is not known.
     """
-    part, family = _registered(source), load_family(source)
+    part, family = _find_registered(source), load_family(source)
     path = Path(source) if part is None else part.weights(brush)
-    if path is not None and _holds_weights(path):
-        learned = FamilyField.restore(ModelFile.read(path))
+    if path is not None and _ABOUT not in tensor_file.read_tensors(path, "a stroke family", FamilyError)[1]:
+        learned = FamilyField.restore(ModelFile.read(path))  # the file holds more than a family
         if (learned.brush, learned.family) == (brush, family):
             return learned
     return FamilyRibbon(brush_kind(brush).of_family(family))
@@ -336,12 +333,7 @@ def family_model_of(family: StrokeFamily, brush: str) -> StrokeModel:
     return FamilyRibbon(brush_kind(brush).of_family(family))
 
 
-def _holds_weights(path: Path) -> bool:
-    """Returns True if the file holds a stroke model, not a family alone."""
-    return _ABOUT not in tensor_file.read_tensors(path, "a stroke family", FamilyError)[1]
-
-
-def _registered(source: str | Path) -> FamilyPart | None:
+def _find_registered(source: str | Path) -> FamilyPart | None:
     """Returns the registered family of that name; None for a file. Raises FamilyError if it is neither."""
     known = registry.parts(registry.STROKE_FAMILIES)
     if str(source) in known:
@@ -354,10 +346,7 @@ def _registered(source: str | Path) -> FamilyPart | None:
     return None
 
 
-def _ours(name: str, words: str) -> FamilyPart:
-    return FamilyPart(name, Path(__file__).with_name("weights"), words)
-
-
-COMMA = _ours("comma", "a press that swells, turns and lifts off, 19 to 55 mm")
-ZIGZAG = _ours("zigzag", "a fill of seven strokes to and fro, 24 to 89 mm")
-FLOURISH = _ours("flourish", "a long calligraphic line, like a bow or an S, 53 to 154 mm")
+_WEIGHTS = Path(__file__).with_name("weights")
+COMMA = FamilyPart("comma", _WEIGHTS, "a press that swells, turns and lifts off, 19 to 55 mm")
+ZIGZAG = FamilyPart("zigzag", _WEIGHTS, "a fill of seven strokes to and fro, 24 to 89 mm")
+FLOURISH = FamilyPart("flourish", _WEIGHTS, "a long calligraphic line, like a bow or an S, 53 to 154 mm")

@@ -11,9 +11,11 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -27,6 +29,7 @@ MIN_MARKS, MAX_MARKS = 10, 1000
 MIN_POINTS, MAX_POINTS = 4, 5000
 """Smallest and largest number of points of a mark."""
 _MAX_BYTES = 2**26
+_ENDINGS = (".json", ".csv")
 _UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _FARTHEST = 10.0  # metres
 _SAME = 1e-6  # metres between two points that count as one
@@ -35,6 +38,7 @@ _SAMPLES = 193
 _ROUNDS = 8
 _WEIGHTS = np.array([1.0, 1.0, 0.2])  # of x, y and pressure in the components
 _WORTHWHILE = 0.9  # a further mode lowers the held-out error at least to this share
+_MAX_UNLIKE = 0.2  # spread of marks of one kind, as a share of their size
 _ROOM = 1.3  # factor between the taught sizes and the limits of the size
 _NAMES = {
     "x": ("x", "x_m", "x_mm", "x_cm"),
@@ -62,49 +66,41 @@ class TaughtMark:
     name: str = "the mark"
 
     def __post_init__(self) -> None:
+        if (fault := self._find_fault()) is not None:
+            raise FamilyError(f"{self.name[:80]} {fault}")
+
+    def _find_fault(self) -> str | None:
         count = len(self.place)
-        what = self.name[:80]
         if count > MAX_POINTS:
-            raise FamilyError(
-                f"{what} has {count:,} points; a mark has at most {MAX_POINTS:,}: keep every "
-                f"{math.ceil(count / MAX_POINTS)}. point."
-            )
+            every = math.ceil(count / MAX_POINTS)
+            return f"has {count:,} points; a mark has at most {MAX_POINTS:,}: keep every {every}. point."
         if self.place.shape != (count, 2) or self.pressure.shape != (count,):
-            raise FamilyError(
-                f"{what} has {count} places and {len(self.pressure)} pressures; give one of each a point."
-            )
+            return f"has {count} places and {len(self.pressure)} pressures; give one of each a point."
         if not (np.abs(self.place) <= _FARTHEST).all():
-            raise FamilyError(
-                f"{what} has a place that is not a number within {_FARTHEST:g} m; leave that point out, or give a unit."
-            )
+            return f"has a place that is not a number within {_FARTHEST:g} m; leave that point out, or give a unit."
         if not ((self.pressure >= 0) & (self.pressure <= 1)).all():
-            raise FamilyError(f"{what} has a pressure that is not a number from 0 to 1; scale it, or leave it out.")
+            return "has a pressure that is not a number from 0 to 1; scale it, or leave it out."
         down = np.flatnonzero(self.pressure > 0)
         if len(down) < MIN_POINTS:
-            raise FamilyError(
-                f"{what} has {len(down)} {'point' if len(down) == 1 else 'points'} on the canvas; a mark is a way of "
-                f"at least {MIN_POINTS}."
-            )
+            points = "1 point" if len(down) == 1 else f"{len(down)} points"
+            return f"has {points} on the canvas; a mark is a way of at least {MIN_POINTS}."
         if not (self.pressure[down[0] : down[-1] + 1] > 0).all():
-            raise FamilyError(f"{what} lifts the brush in its middle; teach the parts as marks of two families.")
+            return "lifts the brush in its middle; teach the parts as marks of two families."
         if not MIN_SIZE <= self.size <= MAX_SIZE:
-            raise FamilyError(
-                f"{what} is {1000 * self.size:.1f} mm large; a mark is from {1000 * MIN_SIZE:g} to {1000 * MAX_SIZE:g} "
-                "mm: draw it at another size, or give its unit."
+            return (
+                f"is {1000 * self.size:.1f} mm large; a mark is from {1000 * MIN_SIZE:g} to {1000 * MAX_SIZE:g} mm: "
+                "draw it at another size, or give its unit."
             )
+        return None
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Greatest distance between two of its places in metres."""
-        place = self._on_canvas[0]
-        from scipy.spatial import ConvexHull, QhullError
         from scipy.spatial.distance import pdist
 
-        try:
-            place = place[ConvexHull(place).vertices]
-        except (QhullError, ValueError):  # all places on one line
-            place = place[[*place.argmin(0), *place.argmax(0)]]
-        return float(pdist(place).max())
+        place = self._on_canvas[0]
+        hull = cv2.convexHull(place.astype(np.float32), returnPoints=False)[:, 0]
+        return float(pdist(place[hull]).max(initial=0.0))
 
     @property
     def _on_canvas(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -135,16 +131,15 @@ def read_marks(path: Path, unit: str = "mm") -> list[TaughtMark]:
     if unit not in _UNITS:
         raise FamilyError(f"The unit {unit[:20]!r} is not known; give {', '.join(_UNITS)}.")
     if path.is_dir():
-        files = sorted(one for one in path.iterdir() if one.suffix.lower() in (".json", ".csv"))
+        files = sorted(one for one in path.iterdir() if one.suffix.lower() in _ENDINGS)
         if not files:
             raise FamilyError(f"{storage.abridge(path)} has no marks; put .json or .csv files of trajectories into it.")
         return [mark for file in files for mark in read_marks(file, unit)]
-    if path.suffix.lower() not in (".json", ".csv"):
+    if path.suffix.lower() not in _ENDINGS:
         raise FamilyError(
             f"{storage.abridge(path)} is no file of marks; give a .json or .csv file, or a folder of them."
         )
-    with storage.open_checked(path, "marks of a stroke family", _MAX_BYTES, FamilyError) as file:
-        content = file.read(_MAX_BYTES + 1)
+    content = storage.read_bytes(path, "marks of a stroke family", _MAX_BYTES, FamilyError)
     try:
         text = content.decode("utf-8-sig")
         tables = _of_json(json.loads(text), unit) if path.suffix.lower() == ".json" else _of_csv(text, unit)
@@ -168,14 +163,11 @@ Table = dict[str, NDArray[np.float64]]
 def _mark(table: Table, deepest: float, name: str) -> TaughtMark:
     """Returns the mark of a table in metres; `deepest` is the depth that counts as a pressure of 1."""
     place = np.stack((table["x"], table["y"]), 1)
-    if "pressure" in table:
-        pressure = table["pressure"]
-    elif "height" in table and deepest > 0:
+    pressure = table.get("pressure", np.full(len(place), 0.5))
+    if "pressure" not in table and "height" in table:
+        if not deepest > 0:
+            raise FamilyError(f"{name} never goes below the canvas (height 0); give heights above the lightest touch.")
         pressure = np.clip(-table["height"] / deepest, 0, 1)  # keeps NaN
-    elif "height" in table:
-        raise FamilyError(f"{name} never goes below the canvas (height 0); give heights above the lightest touch.")
-    else:
-        pressure = np.full(len(place), 0.5)
     time = table.get("time", np.zeros(0))
     seconds = float(time[-1] - time[0]) if len(time) > 1 else 0.0
     return TaughtMark(place, pressure, seconds if math.isfinite(seconds) else 0.0, name)
@@ -259,13 +251,10 @@ def align_marks(marks: Sequence[TaughtMark]) -> tuple[NDArray[np.float64], NDArr
     return aligned, scale * size
 
 
-def learn_family(
-    marks: Sequence[TaughtMark], name: str, size: tuple[float, float] | None = None, codes: int | None = None
-) -> StrokeFamily:
-    """Learns a family from ten or more marks.
+def learn_family(marks: Sequence[TaughtMark], name: str, size: tuple[float, float] | None = None) -> StrokeFamily:
+    """Learns a family from ten or more marks. It has a second mode only if that explains held-out marks clearly better.
 
     size: limits of the size in metres. None: those of the marks, with room.
-    codes: number of modes. None: a second one only if it lowers the error on held-out marks by a tenth.
     Raises FamilyError if there are fewer than 10 marks, or they are all the same or nothing alike.
     """
     if not MIN_MARKS <= len(marks) <= MAX_MARKS:
@@ -274,11 +263,9 @@ def learn_family(
             f"{MIN_MARKS} to {MAX_MARKS:,} marks of one kind."
         )
     aligned, sizes = align_marks(marks)
-    if codes is None:
-        errors = [held_out_error(aligned, count) for count in range(1, MAX_CODES + 1)]
-        codes = 1
-        while codes < MAX_CODES and errors[codes] < _WORTHWHILE * errors[codes - 1]:
-            codes += 1
+    codes = 1
+    while codes < MAX_CODES and held_out_error(aligned, codes + 1) < _WORTHWHILE * held_out_error(aligned, codes):
+        codes += 1
     mean, modes = find_modes(aligned, codes)
     spread = np.sqrt(((aligned - mean)[..., :2] ** 2).sum(-1).mean())
     if not spread < _MAX_UNLIKE:
@@ -287,12 +274,8 @@ def learn_family(
             "marks of one kind, each in the same direction."
         )
     if size is None:
-        least, most = float(sizes.min()) / _ROOM, float(sizes.max()) * _ROOM
-        size = (max(MIN_SIZE, least), min(MAX_SIZE, most))
+        size = max(MIN_SIZE, float(sizes.min()) / _ROOM), min(MAX_SIZE, float(sizes.max()) * _ROOM)
     return StrokeFamily(name, _controls(mean), _controls(modes), size)
-
-
-_MAX_UNLIKE = 0.2
 
 
 def find_modes(aligned: NDArray[np.float64], codes: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -307,25 +290,18 @@ def find_modes(aligned: NDArray[np.float64], codes: int) -> tuple[NDArray[np.flo
     return mean, (deviation[:, None] * vectors[:codes]).reshape(codes, *mean.shape) / _WEIGHTS
 
 
-def reconstruct(
-    mean: NDArray[np.float64], modes: NDArray[np.float64], marks: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Returns the nearest shapes of a family to aligned marks [n, samples, 3], within the reach of the codes."""
-    flat = (_WEIGHTS * modes).reshape(len(modes), -1)
-    code = (_WEIGHTS * (marks - mean)).reshape(len(marks), -1) @ flat.T / np.maximum((flat**2).sum(1), 1e-12)
-    return np.asarray(mean + np.einsum("nk,ktc->ntc", code.clip(-CODE_REACH, CODE_REACH), modes))
-
-
 def held_out_error(aligned: NDArray[np.float64], codes: int) -> float:
-    """Returns the mean distance between marks and their reconstruction without them, as a share of their size.
+    """Returns the mean distance between each mark and the nearest shape of the family of the others.
 
-    Each mark is left out once.
+    It is a share of their size. Shapes are those within the reach of the codes.
     """
     errors = []
-    for one in range(len(aligned)):
+    for one, mark in enumerate(aligned):
         mean, modes = find_modes(np.delete(aligned, one, 0), codes)
-        missed = reconstruct(mean, modes, aligned[one : one + 1]) - aligned[one]
-        errors.append(float(np.linalg.norm(missed[..., :2], axis=-1).mean()))
+        flat = (_WEIGHTS * modes).reshape(codes, -1)
+        code = flat @ (_WEIGHTS * (mark - mean)).ravel() / np.maximum((flat**2).sum(1), 1e-12)
+        nearest = mean + np.tensordot(code.clip(-CODE_REACH, CODE_REACH), modes, 1)
+        errors.append(float(np.linalg.norm((nearest - mark)[:, :2], axis=-1).mean()))
     return float(np.mean(errors))
 
 

@@ -9,8 +9,9 @@ measured on the held-out strokes.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import torch
@@ -23,6 +24,8 @@ from frida_painter.brush.kinds import CoverageSpread
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import squash, stretch_sigmoid
 from frida_painter.errors import LibraryError
+from frida_painter.frames import MapFrame
+from frida_painter.strokes import StrokeLimits
 
 VALIDATION_SHARE = 0.2
 
@@ -39,6 +42,10 @@ class TrainingProgress:
     training_error: float
     validation_error: float
     best_error: float
+
+
+Hearing = Callable[[TrainingProgress], None]
+Model = TypeVar("Model", bound=nn.Module)
 
 
 @dataclass(frozen=True)
@@ -59,23 +66,11 @@ class TrainingReport:
     curve: tuple[TrainingProgress, ...]
 
 
-@dataclass(frozen=True)
-class Split:
-    """Indices of the strokes for training and of those held out for validation, in random order."""
-
-    training: NDArray[np.int64]
-    held_out: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, library: StrokeLibrary, chance: torch.Generator) -> "Split":
-        """Returns a split that holds out a fifth (paper, "Brush Stroke Model").
-
-        Raises LibraryError for fewer than 5 strokes.
-        """
-        require_enough(library)
-        order = torch.randperm(len(library), generator=chance).numpy()
-        count = max(1, round(VALIDATION_SHARE * len(library)))
-        return cls(order[count:], order[:count])
+def make_fresh(kind: type[Model], brush: str, frame: MapFrame, limits: StrokeLimits, seed: int) -> Model:
+    """Returns a stroke model with random weights; the same seed gives the same ones."""
+    with torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return kind(brush, frame, limits)
 
 
 def require_enough(library: StrokeLibrary) -> None:
@@ -87,23 +82,52 @@ def require_enough(library: StrokeLibrary) -> None:
         )
 
 
-class Best:
-    """Best weights so far by validation error."""
+def hold_out(library: StrokeLibrary, chance: torch.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Returns the indices of the strokes to train with, and of a held-out fifth (paper, "Brush Stroke Model").
 
-    def __init__(self, model: nn.Module) -> None:
-        self.model = model
-        self.error = float("inf")
-        self.epoch = 0
-        self._weights = _copy(model)
+    Both are in random order. Raises LibraryError for fewer than 5 strokes.
+    """
+    require_enough(library)
+    order = torch.randperm(len(library), generator=chance).numpy()
+    count = max(1, round(VALIDATION_SHARE * len(library)))
+    return order[count:], order[:count]
 
-    def see(self, epoch: int, error: float) -> None:
-        """Keeps the present weights of the model if their error is the lowest."""
-        if error < self.error:
-            self.error, self.epoch, self._weights = error, epoch, _copy(self.model)
 
-    def restore(self) -> None:
-        """Loads the best weights into the model."""
-        self.model.load_state_dict(self._weights)
+def train_until_best(
+    model: nn.Module,
+    course: Iterable[float],
+    validate: Callable[[], float],
+    epochs: int,
+    patience: int,
+    notify: Hearing | None,
+    *,
+    unjudged: int = 0,
+) -> tuple[TrainingProgress, ...]:
+    """Trains a model, gives it the weights of the epoch with the lowest validation error, and returns all progress.
+
+    course: trains for an epoch whenever it is asked for the next training error
+    epochs: number of epochs of the course
+    patience: number of epochs without a better validation error after which training ends
+    unjudged: number of first epochs for which patience does not count
+    """
+    curve: list[TrainingProgress] = []
+    least, best, weights = math.inf, 0, _copy(model)
+    for training_error in course:
+        error = validate()
+        if error < least:
+            least, best, weights = error, len(curve) + 1, _copy(model)
+        curve.append(TrainingProgress(len(curve) + 1, epochs, training_error, error, least))
+        if notify is not None:
+            notify(curve[-1])
+        if len(curve) - max(best, unjudged) >= patience:
+            break
+    model.load_state_dict(weights)
+    return tuple(curve)
+
+
+def find_best(curve: tuple[TrainingProgress, ...]) -> TrainingProgress:
+    """Returns the first epoch with the lowest validation error."""
+    return min(curve, key=lambda step: step.validation_error)
 
 
 def _copy(model: nn.Module) -> dict[str, Tensor]:
@@ -149,7 +173,7 @@ def train_field(
     seed: int = 0,
     epochs: int | None = None,
     patience: int = 80,
-    notify: Callable[[TrainingProgress], None] | None = None,
+    notify: Hearing | None = None,
 ) -> TrainingReport:
     """Trains `model` in place on the strokes of a library.
 
@@ -161,127 +185,91 @@ def train_field(
     Raises LibraryError if there are fewer than 5 strokes.
     """
     chance = torch.Generator().manual_seed(seed)
-    split = Split.of(library, chance)
-    model.reach.fill_(_reach(model, library))
-    untrained = {name: tensor.clone() for name, tensor in model.state_dict().items()}
-    lessons = _lessons(model, library)
+    training, held_out = hold_out(library, chance)
+    lessons = _prepare(model, library)
+    untrained = _copy(model)
     cells = model.frame.rows * model.frame.columns
-    rounds = epochs or _rounds(len(split.training))
+    steps = math.ceil(len(training) / _BATCH)
+    rounds = epochs or min(_MAX_EPOCHS, max(_FEWEST_EPOCHS, math.ceil(_STEPS / steps)))
+    unseen = [lessons[index] for index in held_out]
 
-    curve: list[TrainingProgress] = []
-    best = Best(model)
-    course = _Course(model, [lessons[index] for index in split.training], rounds, chance)
-    while len(curve) < rounds and len(curve) - best.epoch < patience:
-        training_error = course.epoch() / cells
-        error = _error(model, [lessons[index] for index in split.held_out]) / cells
-        best.see(len(curve) + 1, error)
-        curve.append(TrainingProgress(len(curve) + 1, rounds, training_error, error, best.error))
-        if notify is not None:
-            notify(curve[-1])
-    best.restore()
+    @torch.no_grad()
+    def validate() -> float:
+        missed = (float((_predict(model, one)[:, MEDIAN] - one.wanted).abs().sum()) + one.elsewhere for one in unseen)
+        return sum(missed) / len(unseen) / cells
+
+    course = _train(model, [lessons[index] for index in training], rounds, chance)
+    curve = train_until_best(model, (error / cells for error in course), validate, rounds, patience, notify)
     with torch.no_grad():
-        predicted = model.median(*library[split.held_out].shapes())
-        spread = _spread(model, [lessons[index] for index in split.held_out])
-    report = TrainingReport(best.epoch, best.error, split.held_out, predicted, tuple(curve))
-
+        predicted = model.median(*library[held_out].shapes())
+        means = torch.cat([_predict(model, lesson)[:, MEAN] for lesson in unseen])
+        spread = CoverageSpread.fit(means, torch.cat([lesson.wanted for lesson in unseen]))
     model.load_state_dict(untrained)
     model.varies.copy_(torch.tensor(spread))
-    again = _Course(model, lessons, len(curve), chance)
-    for _ in curve:
-        again.epoch()
-    return report
+    for _ in _train(model, lessons, len(curve), chance):
+        pass
+    best = find_best(curve)
+    return TrainingReport(best.epoch, best.validation_error, held_out, predicted, curve)
 
 
-def _rounds(count: int) -> int:
-    return min(_MAX_EPOCHS, max(_FEWEST_EPOCHS, math.ceil(_STEPS / math.ceil(count / _BATCH))))
+def _train(model: StrokeField, lessons: list[_Lesson], rounds: int, chance: torch.Generator) -> Iterator[float]:
+    """Yields, after each epoch of Adam, the mean over strokes of the sum of absolute errors.
 
-
-class _Course:
-    """Training by Adam with a rate that rises and falls once over all epochs."""
-
-    def __init__(self, model: StrokeField, lessons: list[_Lesson], rounds: int, chance: torch.Generator) -> None:
-        self.model = model
-        self.lessons = lessons
-        self.chance = chance
-        self.optimizer = torch.optim.AdamW(model.parameters(), lr=_RATE, weight_decay=_DECAY)
-        steps = rounds * math.ceil(len(lessons) / _BATCH)
-        self.schedule = torch.optim.lr_scheduler.OneCycleLR(
-            self.optimizer, max_lr=_RATE, total_steps=steps, pct_start=0.1
-        )
-
-    def epoch(self) -> float:
-        """Trains on each stroke once; returns the mean over strokes of the sum of absolute errors."""
+    The rate rises and falls once over all epochs.
+    """
+    optimizer = torch.optim.AdamW(model.parameters(), lr=_RATE, weight_decay=_DECAY)
+    steps = rounds * math.ceil(len(lessons) / _BATCH)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, max_lr=_RATE, total_steps=steps, pct_start=0.1)
+    for _ in range(rounds):
         total = 0.0
-        for index in torch.split(torch.randperm(len(self.lessons), generator=self.chance), _BATCH):
-            batch = [self._glance(self.lessons[int(number)]) for number in index]
+        for index in torch.split(torch.randperm(len(lessons), generator=chance), _BATCH):
+            chosen = [lessons[int(number)] for number in index]
+            batch = [_glance(lesson, chance) for lesson in chosen]
             views, styles, wanted = (torch.cat(part) for part in zip(*batch, strict=True))
-            off = stretch_sigmoid(self.model.logits(views, styles)) - wanted[:, None]
+            off = stretch_sigmoid(model.logits(views, styles)) - wanted[:, None]
             missed = off[:, MEDIAN].abs()
-            self.optimizer.zero_grad()
+            optimizer.zero_grad()
             (missed.mean() + _SQUARED * off[:, MEAN].square().mean()).backward()  # type: ignore[no-untyped-call]
-            self.optimizer.step()
-            self.schedule.step()
-            for number, part in zip(index, torch.split(missed.detach(), [len(one[2]) for one in batch]), strict=True):
-                lesson = self.lessons[int(number)]
+            optimizer.step()
+            schedule.step()
+            parts = torch.split(missed.detach(), [len(one[2]) for one in batch])
+            for lesson, part in zip(chosen, parts, strict=True):
                 total += float(part.mean()) * len(lesson.wanted) + lesson.elsewhere
-        return total / len(self.lessons)
+        yield total / len(lessons)
 
-    def _glance(self, lesson: _Lesson) -> tuple[Tensor, Tensor, Tensor]:
-        """Returns some cells of a stroke: views [m, 7], noisy shape [m, 3], magnitudes [m]."""
-        views, wanted = lesson.views, lesson.wanted
-        if len(wanted) > _MAX_CELLS:
-            some = torch.randint(len(wanted), (_MAX_CELLS,), generator=self.chance)
-            views, wanted = views[some], wanted[some]
-        vague = lesson.style + _VAGUENESS * torch.randn(lesson.style.shape, generator=self.chance)
-        return views, vague.expand(len(wanted), -1), wanted
+
+def _glance(lesson: _Lesson, chance: torch.Generator) -> tuple[Tensor, Tensor, Tensor]:
+    """Returns some cells of a stroke: views [m, v], noisy shape [m, k], magnitudes [m]."""
+    views, wanted = lesson.views, lesson.wanted
+    if len(wanted) > _MAX_CELLS:
+        some = torch.randint(len(wanted), (_MAX_CELLS,), generator=chance)
+        views, wanted = views[some], wanted[some]
+    vague = lesson.style + _VAGUENESS * torch.randn(lesson.style.shape, generator=chance)
+    return views, vague.expand(len(wanted), -1), wanted
 
 
 @torch.no_grad()
-def _lessons(model: StrokeField, library: StrokeLibrary) -> list[_Lesson]:
-    """Returns the training data of each stroke."""
+def _prepare(model: StrokeField, library: StrokeLibrary) -> list[_Lesson]:
+    """Returns the training data of each stroke, after the reach of the model is set from all of them.
+
+    The reach is the largest distance of paint from the rectangle around the path in nearly all strokes, plus a
+    margin; the other strokes have drops.
+    """
     thickness, length, bend = library.shapes()
     maps = model.recorded_maps(library).flatten(1)
+    farthest = torch.where(maps > _INKED, model.outside(length, bend), 0.0).amax(1)
+    model.reach.fill_(float(torch.quantile(farthest, _NEARLY_ALL)) + _MARGIN * model.unit)
     near = model.near(length, bend)
-    styles = model.styles(thickness, length, bend)
-    places = model.cell_places(length)
+    styles, places = model.styles(thickness, length, bend), model.cell_places(length)
     lessons = []
     for index in range(len(library)):
         here, only = near[index], slice(index, index + 1)
-        views = model.views(
-            places[index, here], torch.zeros(int(here.sum()), dtype=torch.long), length[only], bend[only]
-        )
+        mine = torch.zeros(int(here.sum()), dtype=torch.long)
+        views = model.views(places[index, here], mine, length[only], bend[only])
         lessons.append(_Lesson(views, maps[index, here], styles[only], float(maps[index, ~here].sum())))
     return lessons
 
 
-@torch.no_grad()
-def _error(model: StrokeField, lessons: list[_Lesson]) -> float:
-    """Returns the sum of absolute errors of the median map, mean over the strokes."""
-    total = 0.0
-    for lesson in lessons:
-        total += float((_predict_cells(model, lesson)[:, MEDIAN] - lesson.wanted).abs().sum()) + lesson.elsewhere
-    return total / len(lessons)
-
-
-@torch.no_grad()
-def _spread(model: StrokeField, lessons: list[_Lesson]) -> CoverageSpread:
-    """Returns the variation of marks about their means."""
-    means = torch.cat([_predict_cells(model, lesson)[:, MEAN] for lesson in lessons])
-    return CoverageSpread.fit(means, torch.cat([lesson.wanted for lesson in lessons]))
-
-
-def _predict_cells(model: StrokeField, lesson: _Lesson) -> Tensor:
+def _predict(model: StrokeField, lesson: _Lesson) -> Tensor:
     """Returns median and mean at a lesson's cells: [m, 2]."""
     return squash(model.logits(lesson.views, lesson.style.expand(len(lesson.wanted), -1)))
-
-
-def _reach(model: StrokeField, library: StrokeLibrary) -> float:
-    """Returns the largest distance of paint from the rectangle around the path in metres.
-
-    It covers nearly all strokes of the library, plus a margin; the other strokes have drops.
-    """
-    _, length, bend = library.shapes()
-    outside = model.outside(length, bend)
-    inked = model.recorded_maps(library).flatten(1) > _INKED
-    farthest = torch.where(inked, outside, 0.0).amax(1)
-    return float(torch.quantile(farthest, _NEARLY_ALL)) + _MARGIN * model.unit

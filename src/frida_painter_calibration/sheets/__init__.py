@@ -1,1 +1,0 @@
-"""Sheets and pages that show what was calibrated or learned."""
