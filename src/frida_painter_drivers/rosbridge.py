@@ -7,20 +7,19 @@ the arm's node.
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter import registry
-from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import one_line, steady
-from frida_painter.hardware.interlock import PATIENCE, Interlock, motion_timeout
+from frida_painter.hardware.interlock import PATIENCE, motion_timeout
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_host, require_home
-from frida_painter.hardware.robot import Examination, MachineFact, Point, Waypoints, Workspace
+from frida_painter.hardware.robot import MachineFact, Point, Waypoints, Weight, Workspace
 from frida_painter_drivers.driver import Driver
 
 Message = Mapping[str, Any]
@@ -92,10 +91,6 @@ class RosbridgeConnection:
         self._topics[topic] = self._library.Topic(self._ros, topic, kind)
         self._topics[topic].advertise()
 
-    def is_heard(self, topic: str) -> bool:
-        """Returns True for each known topic: rosbridge does not tell who listens."""
-        return topic in self._topics
-
     def publish(self, topic: str, message: Message) -> None:
         """Sends a message. Raises RobotDisconnected if the connection is lost; the message is not kept for later."""
         if self._ros is None or not self._ros.is_connected or topic not in self._topics:
@@ -134,75 +129,65 @@ class RosbridgeConnection:
         )
 
 
-@dataclass(frozen=True)
-class RosSettings:
-    """Settings of a robot behind ROS.
+class RosRobot(Driver):
+    """Robot behind ROS. Stops use a separate connection.
 
-    home: home position of the tip, metres
-    approach: m/s to the first waypoint, above 0 to 1
     namespace: of the topics, begins with "/"
     frame: coordinate frame of the waypoints
-
-    Raises ConfigError if a value is not allowed.
-    """
-
-    home: Point
-    approach: float = 0.1
-    namespace: str = "/brush"
-    frame: str = "base"
-
-    def __post_init__(self) -> None:
-        if not 0 < self.approach <= 1 or not self.namespace.startswith("/"):
-            raise ConfigError(
-                f"A ROS arm was given an approach of {self.approach} m/s and the namespace {self.namespace!r}; they "
-                "are above 0 to 1 m/s, and a name that begins with a slash."
-            )
-
-
-class RosRobot(Driver):
-    """Robot behind ROS. Implements Robot, TimedRobot and ExaminedRobot. Stops use a separate connection.
 
     Nobody tells the arm if this program or its network dies. Therefore the driver sends a sign of life all the time
     that a motion takes, and the arm's node stops without it.
     """
 
-    def __init__(self, settings: RosSettings, connection: RosbridgeConnection, stopper: RosbridgeConnection) -> None:
-        self.settings = settings
+    def __init__(
+        self,
+        resting: Point,
+        connection: RosbridgeConnection,
+        stopper: RosbridgeConnection,
+        approach: float = 0.1,
+        namespace: str = "/brush",
+        frame: str = "base",
+    ) -> None:
+        super().__init__(f"the arm behind ROS at {namespace}", resting, approach)
+        if not namespace.startswith("/"):
+            raise ConfigError(
+                f"A ROS arm was given the namespace {namespace!r}; write a name that begins with a slash."
+            )
+        self._namespace, self._frame = namespace.rstrip("/"), frame
         self._connection, self._stopper = connection, stopper
-        self._interlock = Interlock(f"the arm behind ROS at {settings.namespace}")
         self._news = threading.Condition()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Forgets what the arm has said."""
         self._tip: NDArray[np.float64] | None = None
-        self._heard_at = float("-inf")
+        self._heard_at, self._poses, self._nonsense = float("-inf"), 0, ""
         self._goal: tuple[int, ...] = (0, 0)
         self._status: int | None = None
-        self._nonsense = ""
-        self._alive = float("-inf")
         self._ours: set[tuple[int, ...]] = set()
         self._other: tuple[int, ...] | None = None  # motion under way that this program did not send
-        self._poses = 0
 
-    def connect(self) -> None:
-        """Opens both connections and waits until the arm reports its pose and listens. Moves nothing.
-
-        Raises RobotDisconnected if there is no ROS, or no arm behind it; RobotError if a package is missing.
-        """
-        self.close()
-        self._tip, self._heard_at, self._nonsense = None, float("-inf"), ""
-        self._ours, self._other = set(), None
-        try:
-            for connection in (self._stopper, self._connection):
-                connection.open()
-            self._stopper.announce(*self._topic_and_type("stop"))
-            for topic in ("follow", "alive"):
-                self._connection.announce(*self._topic_and_type(topic))
-            self._connection.hear(*self._topic_and_type("status"), self._hear_status)
-            # Last: a pose comes after all complaints about the messages before.
-            self._connection.hear(*self._topic_and_type("pose"), self._hear_pose)
-            self._await_arm()
-        except FridaError:
-            self.close()
-            raise
-        self._interlock.mark_connected()
+    def _open(self, *, examines: bool) -> None:
+        """Opens both connections and waits until the arm reports its pose. Moves nothing."""
+        self._forget()
+        for connection in (self._stopper, self._connection):
+            connection.open()
+        self._stopper.announce(*self._topic_and_type("stop"))
+        for topic in ("follow", "alive"):
+            self._connection.announce(*self._topic_and_type(topic))
+        self._connection.hear(*self._topic_and_type("status"), self._hear_status)
+        # Last: a pose comes after all complaints about the messages before.
+        self._connection.hear(*self._topic_and_type("pose"), self._hear_pose)
+        until = time.monotonic() + PATIENCE
+        while self._tip is None:
+            self._require_no_complaint()
+            if time.monotonic() > until:
+                raise RobotDisconnected(
+                    f"There is ROS, but no arm in it says on {self._topic('pose')} where it is (waited {PATIENCE:.0f} "
+                    "s); start the arm's node, or correct the namespace."
+                )
+            time.sleep(_POLL)
+        self._require_no_complaint()
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the tip's last reported position, [3] metres. Raises RobotDisconnected if the report is too old."""
@@ -216,10 +201,13 @@ class RosRobot(Driver):
         self._require_alone(waypoints.label)
         path = np.concatenate([here[None], waypoints.position])
         steps = np.linalg.norm(np.diff(path, axis=0), axis=1)
-        seconds = np.cumsum(steps / np.r_[self.settings.approach, np.full(len(steps) - 1, waypoints.speed)])
+        seconds = np.cumsum(steps / np.r_[self.approach, np.full(len(steps) - 1, waypoints.speed)])
         self._send(waypoints, seconds)
         self._await_end(waypoints.label, started + motion_timeout(float(seconds[-1]), 1.0))
-        return self._place_after(waypoints.label, time.monotonic())
+        with self._news:  # a position that was told after the end
+            ended = time.monotonic()
+            self._news.wait_for(lambda: self._heard_at > ended, _SILENCE)
+        return self._place(waypoints.label)
 
     def stop(self) -> None:
         """Tells the arm to stop, over the connection for stops. A `follow` in progress ends."""
@@ -237,65 +225,32 @@ class RosRobot(Driver):
     def timing(self) -> None:
         """Returns None: the arm's node does not tell its limits."""
 
-    def alive_at(self) -> float:
-        """Returns when the arm last reported another position."""
-        return self._alive
-
-    def examine(self) -> Examination:
-        """Connects, reads what ROS and the arm tell, and disconnects; moves nothing."""
-        self.connect()
-        try:
-            x, y, z = 1000 * self.pose()
-            rate = self._pose_rate()
-        finally:
-            self.close()
-        return Examination(
-            (
-                MachineFact(f"An arm under {self.settings.namespace} speaks ROS 2; its tip is at "
-                            f"({x:.0f}, {y:.0f}, {z:.0f}) mm in the frame {self.settings.frame!r}."),
-                MachineFact(f"It says {rate:.0f} times a second where it is.")
-                if rate >= _RARELY
-                else MachineFact(
-                    f"It says only {rate:.0f} times a second where it is; let its node say it 20 times a second, "
-                    "because a stop and the end of a stroke are noticed as late.",
-                    "warning",
-                ),
-                MachineFact(
-                    "Neither ROS nor rosbridge tells whether its node stops when this program dies. Try it before you "
-                    f"paint: pull the network cable during a slow motion; the arm must stand after a second without "
-                    f"{self._topic('alive')}.",
-                    "warning",
-                ),
-            )
-        )  # fmt: skip
-
-    def _pose_rate(self) -> float:
-        """Returns how often a second the arm reports its pose."""
+    def _facts(self) -> Iterator[MachineFact]:
+        x, y, z = 1000 * self.pose()
+        yield MachineFact(f"An arm under {self._namespace} speaks ROS 2; its tip is at ({x:.0f}, {y:.0f}, {z:.0f}) mm "
+                          f"in the frame {self._frame!r}.")  # fmt: skip
         before, began = self._poses, time.monotonic()
         time.sleep(_LISTENING)
-        return (self._poses - before) / (time.monotonic() - began)
+        rate = (self._poses - before) / (time.monotonic() - began)
+        seldom = (
+            "; let its node say it 20 times a second, because a stop and the end of a stroke are noticed as late"
+            if rate < _RARELY
+            else ""
+        )
+        weight: Weight = "warning" if seldom else "fact"
+        yield MachineFact(f"It says {rate:.0f} times a second where it is{seldom}.", weight)
+        yield MachineFact(
+            "Neither ROS nor rosbridge tells whether its node stops when this program dies. Try it before you paint: "
+            "pull the network cable during a slow motion; the arm must stand after a second without "
+            f"{self._topic('alive')}.",
+            "warning",
+        )
 
     def _topic(self, name: str) -> str:
-        return f"{self.settings.namespace.rstrip('/')}/{name}"
+        return f"{self._namespace}/{name}"
 
     def _topic_and_type(self, name: str) -> tuple[str, str]:
         return self._topic(name), _TYPES[name]
-
-    def _await_arm(self) -> None:
-        until = time.monotonic() + PATIENCE
-        while self._tip is None or not self._is_heard():
-            self._require_no_complaint()
-            if time.monotonic() > until:
-                missing = (
-                    f"says on {self._topic('pose')} where it is" if self._tip is None
-                    else f"listens to {self._topic('follow')} and {self._topic('stop')}"
-                )  # fmt: skip
-                raise RobotDisconnected(
-                    f"There is ROS, but no arm in it {missing} (waited {PATIENCE:.0f} s); start the arm's node, or "
-                    "correct the namespace."
-                )
-            time.sleep(_POLL)
-        self._require_no_complaint()
 
     def _require_no_complaint(self) -> None:
         complaint = self._connection.complaint() or self._stopper.complaint()
@@ -303,9 +258,6 @@ class RosRobot(Driver):
             raise RobotError(
                 f"{self._interlock.name}: ROS 2 was expected, and it says: {complaint[:200]}. Install that there."
             )
-
-    def _is_heard(self) -> bool:
-        return self._connection.is_heard(self._topic("follow")) and self._stopper.is_heard(self._topic("stop"))
 
     def _send(self, waypoints: Waypoints, seconds: NDArray[np.float64]) -> None:
         now = time.time_ns()
@@ -321,7 +273,7 @@ class RosRobot(Driver):
             }
             for place, at in zip(waypoints.position.tolist(), seconds.tolist(), strict=True)
         ]
-        header = {"stamp": _time(now), "frame_id": self.settings.frame}
+        header = {"stamp": _time(now), "frame_id": self._frame}
         self._interlock.heed_stop(waypoints.label)
         self._connection.publish(self._topic("follow"), {"header": header, "joint_names": [TIP], "points": points})
 
@@ -341,56 +293,42 @@ class RosRobot(Driver):
             self._interlock.heed_stop(label)
             if status is None:
                 if time.monotonic() > taken:
-                    raise RobotDisconnected(
-                        f"{label}: {self._interlock.name} did not say on {self._topic('status')} that it took the "
-                        "motion, and is told to stop; look at its node."
-                    )
+                    said = f"did not say on {self._topic('status')} that it took the motion, and is told to stop"
+                    raise self._failure(RobotDisconnected, label, f"{said}; look at its node.")
                 continue
             meaning = _STATUSES.get(status)
             if meaning == _DONE:
                 return
             if meaning == _STOPPED:
-                raise RobotStopped(f"{label}: {self._interlock.name} was stopped there; look at it.")
+                raise self._failure(RobotStopped, label, "was stopped there; look at it.")
             if meaning == _GAVE_UP:
-                raise MotionFailed(f"{label}: {self._interlock.name} {meaning}; look at it.", status)
+                raise self._failure(MotionFailed, label, f"{meaning}; look at it.", status)
             if meaning is None:
-                raise RobotError(f"{label}: {self._interlock.name} has the status {status}, which means nothing here.")
+                raise self._failure(RobotError, label, f"has the status {status}, which means nothing here.")
             if float(np.linalg.norm(here - before)) > _MOVED:  # an arm that moves is alive, however slow it is
                 before, until, self._alive = here, max(until, time.monotonic() + PATIENCE), steady()
             if time.monotonic() > until:
-                raise MotionFailed(f"{label}: {self._interlock.name} did not arrive in time, and is told to stop.")
+                raise self._failure(MotionFailed, label, "did not arrive in time, and is told to stop.")
 
     def _require_alone(self, label: str) -> None:
         """Raises MotionFailed if the arm follows a motion that this program did not send."""
         if self._other is not None:
-            raise MotionFailed(
-                f"{label}: {self._interlock.name} follows a motion that was not sent from here, as by another program "
-                "or an earlier painting; end that, look at the arm, then connect anew."
+            said = (
+                "follows a motion that was not sent from here, as by another program or an earlier painting; end that, "
+                "look at the arm, then connect anew."
             )
+            raise self._failure(MotionFailed, label, said)
 
     def _place(self, label: str) -> NDArray[np.float64]:
         with self._news:
             tip, age, nonsense = self._tip, time.monotonic() - self._heard_at, self._nonsense
         if nonsense:
-            raise RobotError(
-                f"{label}: {self._interlock.name} said {nonsense}, which cannot be understood; look at its node."
-            )
+            said = f"said {nonsense}, which cannot be understood; look at its node."
+            raise self._failure(RobotError, label, said)
         if tip is None or not age < _SILENCE:
-            raise RobotDisconnected(
-                f"{label}: {self._interlock.name} has not said for {min(age, 999):.0f} s where it is; look at it and "
-                "at its network."
-            )
+            said = f"has not said for {min(age, 999):.0f} s where it is; look at it and at its network."
+            raise self._failure(RobotDisconnected, label, said)
         return tip.copy()
-
-    def _place_after(self, label: str, moment: float) -> NDArray[np.float64]:
-        """Returns the tip's position from a message that came after `moment`."""
-        until = moment + _SILENCE
-        while time.monotonic() < until:
-            with self._news:
-                if self._heard_at > moment:
-                    break
-                self._news.wait(_POLL)
-        return self._place(label)
 
     def _hear_pose(self, message: Message) -> None:
         try:
@@ -444,8 +382,8 @@ def _time(nanoseconds: int) -> dict[str, int]:
 def _open(name: MachineName, workspace: Workspace) -> RosRobot:
     name.require("namespace", "frame")
     host, port = _place(name)
-    settings = RosSettings(require_home(name, workspace), workspace.travel_speed, **name.options)
-    return RosRobot(settings, RosbridgeConnection(host, port), RosbridgeConnection(host, port))
+    connection, stopper = RosbridgeConnection(host, port), RosbridgeConnection(host, port)
+    return RosRobot(require_home(name, workspace), connection, stopper, workspace.travel_speed, **name.options)
 
 
 def _place(name: MachineName) -> tuple[str, int]:

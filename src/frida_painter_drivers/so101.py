@@ -9,25 +9,18 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter import registry
-from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError
+from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, steady
 from frida_painter.hardware.gateway import FASTEST
-from frida_painter.hardware.interlock import Interlock
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, require_home
-from frida_painter.hardware.robot import (
-    Examination,
-    MachineFact,
-    Point,
-    Waypoints,
-    Workspace,
-)
+from frida_painter.hardware.robot import MachineFact, Point, Waypoints, Workspace
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter_drivers.driver import Driver
 
@@ -40,6 +33,7 @@ _BEHIND, _AWAY = math.radians(8), math.radians(3)  # that a moving, a resting jo
 _STOPPING = 1.0  # seconds that a stop waits for a packet under way
 _RESTING = 0.08  # seconds until the servos are known to stand
 _JOINT_MARGIN = math.radians(2)
+_ACCELERATION = 0.3  # m/s2 of the tip
 
 # Inverse kinematics by mink: costs of a metre off, of the sine of the tilt, and of a radian of the wrist's roll;
 # radians that the last step changed; errors of a solution.
@@ -51,7 +45,7 @@ _MISSED, _UPRIGHT = 1e-4, math.radians(1)
 _BAUD = 1_000_000
 _MODEL, _STS3215, _MIN_ANGLE, _MAX_ANGLE, _MODE, _TORQUE, _GOAL = 3, 777, 9, 11, 33, 40, 42
 _POSITION, _LOAD, _VOLTAGE = 56, 60, 62  # the byte after the voltage is the temperature
-_STEPS, _MIDDLE = 4096, 2048
+_STEPS, _MIDDLE, _STEP = 4096, 2048, 2 * math.pi / 4096  # a step in radians
 _WEAK, _WARM = 6.0, 55  # volts and degrees Celsius from which `doctor` warns
 _ERRORS = {1: "its voltage is wrong", 2: "its angle sensor fails", 4: "it is too hot", 8: "its current is too high",
            32: "it is overloaded"}  # fmt: skip
@@ -75,34 +69,6 @@ _CHAIN = """<mujoco><compiler angle="radian" eulerseq="XYZ"/><default><geom size
 <body pos="0 -0.0611 0.0181" euler="1.57079633 0 3.14159265"><joint name="wrist_roll"/><geom/>
 <site name="tip" pos="-0.0079 -0.000218 {tip}"/></body></body></body></body></body></body></worldbody></mujoco>"""
 _FINGERS = 0.0981  # metres from the last joint's frame to the fingertips, along the tool
-
-
-@dataclass(frozen=True)
-class So101Settings:
-    """Settings of an SO-101.
-
-    port: serial port of the bus
-    home: home position of the tip, metres
-    approach: m/s to the first waypoint
-    brush_length: from the fingertips to the brush's tip along the tool, metres
-    acceleration: m/s2 of the tip
-
-    Raises ConfigError if a value is out of range.
-    """
-
-    port: str
-    home: Point
-    approach: float = 0.1
-    brush_length: float = 0.05
-    acceleration: float = 0.3
-
-    def __post_init__(self) -> None:
-        if not (0 < self.approach <= 0.5 and 0 <= self.brush_length <= 0.3 and 0 < self.acceleration <= 2):
-            raise ConfigError(
-                f"An SO-101 was given an approach of {self.approach} m/s, a brush of {self.brush_length} m and an "
-                f"acceleration of {self.acceleration} m/s2; they are above 0 to 0.5 m/s, 0 to 0.3 m and above 0 to 2 "
-                "m/s2."
-            )
 
 
 class So101Kinematics:
@@ -183,56 +149,59 @@ class So101Kinematics:
 
 
 class So101Robot(Driver):
-    """Robot over the servo bus. Implements hardware.robot.Robot, Reach, TimedRobot, ExaminedRobot and LooseRobot."""
+    """Robot over the servo bus. Implements Reach and LooseRobot as well.
 
-    def __init__(self, settings: So101Settings) -> None:
-        self.settings = settings
-        self._interlock = Interlock(f"the SO-101 at {settings.port}")
-        self._timing = Timing(settings.acceleration, smoothing=0.1, period=_PERIOD)
-        self._arm: So101Kinematics | None = None
+    port: serial port of the bus
+    brush_length: from the fingertips to the brush's tip along the tool, metres
+    """
+
+    def __init__(self, port: str, resting: Point, approach: float = 0.1, brush_length: float = 0.05) -> None:
+        super().__init__(f"the SO-101 at {port}", resting, approach)
+        self._require_between("an approach", approach, 0, 0.5, "m/s")
+        self._require_between("a brush length", brush_length, 0, 0.3, "m")
+        self._brush_length, self._port_name = brush_length, port
+        self._timing = Timing(_ACCELERATION, smoothing=0.1, period=_PERIOD)
         self._line = threading.Lock()
         self._sdk: Any = None
         self._port: Any = None
         self._packets: Any = None
         self._ranges = np.zeros((5, 2))
-        self._steps, self._alive_at = np.zeros(5), -math.inf
+        self._steps = np.zeros(5)
 
-    def connect(self) -> None:
+    @cached_property
+    def _kinematics(self) -> So101Kinematics:
+        return So101Kinematics(self._brush_length)
+
+    def _open(self, *, examines: bool) -> None:
         """Opens the bus, finds the five servos, and switches them on at their present positions.
 
-        Raises RobotDisconnected if the port cannot be opened, another program uses it, or a servo does not answer.
-        Raises RobotError if a package is missing, or a servo is of another kind or in another mode.
-        Raises MotionFailed if a servo reports an error, or a joint is beyond its limit.
+        Raises RobotDisconnected if another program uses the bus, RobotError if a servo is of another kind or in another
+        mode, MotionFailed if a servo reports an error, or a joint is beyond its limit.
         """
-        self.close()
-        self._kinematics()
+        self._kinematics.tip(np.zeros(5))  # a missing package is told first
         with registry.importing("so101", "The SO-101", RobotError):
             import scservo_sdk
-        self._sdk = scservo_sdk
-        self._interlock.mark_connected()
-        try:
-            self._packets = scservo_sdk.PacketHandler(0)
-            self._port = self._interlock.asking("connect", self._open_port)
-            for number, joint in enumerate(JOINTS, 1):
-                self._require_servo(number, joint)
-            joints = self._joints("connect")
-            if not (np.abs(joints) <= LIMITS + _JOINT_MARGIN).all():
-                worst = int((np.abs(joints) - LIMITS).argmax())
-                raise MotionFailed(
-                    f"connect: {JOINTS[worst]} of {self._interlock.name} stands at {math.degrees(joints[worst]):.0f} "
-                    f"degrees and reaches {math.degrees(LIMITS[worst]):.0f}; calibrate the arm so that 2048 is the "
-                    "middle of each joint, then connect anew."
-                )
-            self._send(joints)
-            for number in range(1, 6):
-                self._write("connect", number, _TORQUE, 1)
-        except FridaError:
-            self.close()
-            raise
+        self._sdk, self._packets = scservo_sdk, scservo_sdk.PacketHandler(0)
+        self._port = self._interlock.asking("connect", self._open_port)
+        for number, joint in enumerate(JOINTS, 1):
+            self._require_servo(number, joint)
+        joints = self._joints("connect")
+        if examines:
+            return
+        if not (np.abs(joints) <= LIMITS + _JOINT_MARGIN).all():
+            worst = int((np.abs(joints) - LIMITS).argmax())
+            raise MotionFailed(
+                f"connect: {JOINTS[worst]} of {self._interlock.name} stands at {math.degrees(joints[worst]):.0f} "
+                f"degrees and reaches {math.degrees(LIMITS[worst]):.0f}; calibrate the arm so that 2048 is the "
+                "middle of each joint, then connect anew."
+            )
+        self._send(joints)
+        for number in range(1, 6):  # one byte
+            self._ask("connect", number, lambda to: (0, *self._packets.write1ByteTxRx(self._port, to, _TORQUE, 1)))
 
     def _open_port(self) -> Any:
         """Returns the open port, which no other program can open meanwhile. Raises RobotDisconnected."""
-        port = self._sdk.PortHandler(self.settings.port)
+        port = self._sdk.PortHandler(self._port_name)
         try:
             port.setBaudRate(_BAUD)
             port.ser.exclusive = True  # two programs on one bus garble each other's packets
@@ -240,24 +209,22 @@ class So101Robot(Driver):
             if port.is_open:
                 port.closePort()
             raise RobotDisconnected(
-                f"connect: the port {self.settings.port} cannot be opened ({one_line(cause)}); look at its cable, and "
+                f"connect: the port {self._port_name} cannot be opened ({one_line(cause)}); look at its cable, and "
                 "end other programs that use it."
             ) from cause
         return port
 
     def _require_servo(self, number: int, joint: str) -> None:
         """Raises RobotError unless the servo is an STS3215 that goes to positions; reads its own limits."""
-        model = self._read("connect", number, _MODEL)
-        if model != _STS3215:
+        who = f"connect: servo {number} ({joint}) of {self._interlock.name}"
+        if (model := self._read("connect", number, _MODEL)) != _STS3215:
             raise RobotError(
-                f"connect: servo {number} ({joint}) of {self._interlock.name} says it is a model {model}, and an "
-                f"STS3215 is {_STS3215}; look whether this is the arm."
+                f"{who} says it is a model {model}, and an STS3215 is {_STS3215}; look whether this is the arm."
             )
-        mode = self._read("connect", number, _MODE) & 0xFF
-        if mode:
+        if mode := self._read("connect", number, _MODE) & 0xFF:
             raise RobotError(
-                f"connect: servo {number} ({joint}) of {self._interlock.name} is in mode {mode}, in which it turns "
-                "without end; set its register 33 to 0 with the maker's program."
+                f"{who} is in mode {mode}, in which it turns without end; set its register 33 to 0 with the maker's "
+                "program."
             )
         steps = [self._read("connect", number, address) for address in (_MIN_ANGLE, _MAX_ANGLE)]
         self._ranges[number - 1] = _angles(np.array(steps if steps[0] < steps[1] else (0, _STEPS - 1)))
@@ -275,14 +242,43 @@ class So101Robot(Driver):
         """Returns the limits of the planned motions. Implements hardware.robot.TimedRobot."""
         return self._timing.tell(FASTEST, _RESTING)
 
-    def alive_at(self) -> float:
-        """Returns the time when a servo last reported another position."""
-        return self._alive_at
-
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip [3] in metres, as the servos' encoders tell it."""
         self._interlock.require_ready("pose")
-        return self._kinematics().tip(self._joints("pose"))[0]
+        return self._kinematics.tip(self._joints("pose"))[0]
+
+    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Returns True for each position [k, 3] that the tip reaches with the brush upright: [k]."""
+        return self._kinematics.reachable(position)
+
+    def play(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Returns the tip's likely distance from positions [k, 3] for the play of the gears: [k] metres."""
+        return self._kinematics.play(position)
+
+    def _facts(self) -> Iterator[MachineFact]:
+        joints = self._joints("examine")
+        tip, _ = self._kinematics.tip(joints)
+        yield MachineFact(f"The brush's tip is at ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m of the arm's base.")
+        for number, joint in enumerate(JOINTS, 1):
+            load = self._read("examine", number, _LOAD)
+            share = (load & 0x3FF) / 10  # bit 10 is the direction
+            supply = self._read("examine", number, _VOLTAGE)
+            volts, warm = (supply & 0xFF) / 10, supply >> 8
+            advice = ": its supply is weak; look at it and at the cable" if volts < _WEAK else ""
+            advice = advice or (": let it cool down before you paint" if warm > _WARM else "")
+            yield MachineFact(
+                f"{joint}: {math.degrees(joints[number - 1]):.0f} of {math.degrees(LIMITS[number - 1]):.0f} degrees, "
+                f"load {share:.0f} %, {volts:.1f} V, {warm} degrees Celsius{advice}.",
+                "warning" if advice else "fact",
+            )
+        off = float(np.linalg.norm(self._kinematics.jacobian(joints) * PLAY / 2))
+        yield MachineFact(
+            f"Gears with a degree of play let the tip be {1000 * off:.1f} mm off here: paint with a broad brush and on "
+            "a small canvas near the arm.",
+            "warning",
+        )
+
+    # Motions.
 
     def _go(self, waypoints: Waypoints) -> NDArray[np.float64]:
         """Moves with the brush upright.
@@ -295,81 +291,43 @@ class So101Robot(Driver):
         self._stream(waypoints.label, joints)
         return self._settle(waypoints.label, joints[-1])
 
-    def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Returns True for each position [k, 3] that the tip reaches with the brush upright: [k]."""
-        return self._kinematics().reachable(position)
-
-    def play(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns the tip's likely distance from positions [k, 3] for the play of the gears: [k] metres."""
-        return self._kinematics().play(position)
-
-    def examine(self) -> Examination:
-        """Connects, reads the servos, and disconnects. Implements hardware.robot.ExaminedRobot."""
-        try:
-            self.connect()
-            return Examination(tuple(self._facts()), self.timing())
-        finally:
-            self.close()
-
-    def _facts(self) -> Iterator[MachineFact]:
-        joints = self._joints("examine")
-        tip, _ = self._kinematics().tip(joints)
-        yield MachineFact(f"The brush's tip is at ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m of the arm's base.")
-        for number, joint in enumerate(JOINTS, 1):
-            load = self._read("examine", number, _LOAD)
-            share = (load & 0x3FF) / 10  # bit 10 is the direction
-            supply = self._read("examine", number, _VOLTAGE)
-            volts, warm = (supply & 0xFF) / 10, supply >> 8
-            text = (
-                f"{joint}: {math.degrees(joints[number - 1]):.0f} of {math.degrees(LIMITS[number - 1]):.0f} degrees, "
-                f"load {share:.0f} %, {volts:.1f} V, {warm} degrees Celsius"
-            )
-            if volts < _WEAK:
-                yield MachineFact(f"{text}: its supply is weak; look at it and at the cable.", "warning")
-            elif warm > _WARM:
-                yield MachineFact(f"{text}: let it cool down before you paint.", "warning")
-            else:
-                yield MachineFact(f"{text}.")
-        off = float(np.linalg.norm(self._kinematics().jacobian(joints) * PLAY / 2))
-        yield MachineFact(
-            f"Gears with a degree of play let the tip be {1000 * off:.1f} mm off here: paint with a broad brush and on "
-            "a small canvas near the arm.",
-            "warning",
-        )
-
-    def _kinematics(self) -> So101Kinematics:
-        if self._arm is None:
-            self._arm = So101Kinematics(self.settings.brush_length)
-        return self._arm
-
     def _plan(self, waypoints: Waypoints) -> NDArray[np.float64]:
         """Returns joint angles [n, 5] at every period. Raises MotionFailed."""
-        start = self._joints(waypoints.label)
-        arm = self._kinematics()
-        path = np.concatenate([arm.tip(start)[0][None], waypoints.position])
-        speed = np.r_[self.settings.approach, np.full(len(waypoints.position) - 1, waypoints.speed)]
+        label, name = waypoints.label, self._interlock.name
+        start = self._joints(label)
+        path = np.concatenate([self._kinematics.tip(start)[0][None], waypoints.position])
+        speed = np.r_[self.approach, np.full(len(waypoints.position) - 1, waypoints.speed)]
         found = [start]
         for place in self._timing.places(path, speed):
-            joints = arm.solve(place, found[-1])
+            joints = self._kinematics.solve(place, found[-1])
             if joints is None:
                 x, y, z = place
                 raise MotionFailed(
-                    f"{waypoints.label}: {self._interlock.name} does not reach ({x:.3f}, {y:.3f}, {z:.3f}) m with the "
-                    "brush upright; move the canvas. It did not move."
+                    f"{label}: {name} does not reach ({x:.3f}, {y:.3f}, {z:.3f}) m with the brush upright; move the "
+                    "canvas. It did not move."
                 )
             found.append(joints)
-        self._require_ranges(waypoints.label, np.array(found[1:]))
-        rate = np.abs(np.diff(np.array(found[1:]), axis=0)) / _PERIOD
-        if len(rate) and not (rate <= _MAX_RATE).all():
-            worst = int(rate.max(0).argmax())
+        way = np.array(found[1:])
+        # A servo that is set up to turn less far would stay at its limit and say nothing.
+        outside = (way < self._ranges[:, 0]) | (way > self._ranges[:, 1])
+        if outside.any():
+            row, joint = np.argwhere(outside)[0]
+            low, high = np.degrees(self._ranges[joint])
             raise MotionFailed(
-                f"{waypoints.label}: {JOINTS[worst]} of {self._interlock.name} would turn at {rate.max():.1f} rad/s, "
-                f"and {_MAX_RATE:g} rad/s are allowed; lower the speed. It did not move."
+                f"{label}: {JOINTS[joint]} of {name} would turn to {math.degrees(way[row, joint]):.0f} degrees, and "
+                f"its servo is set up for {low:.0f} to {high:.0f} (registers 9 and 11); calibrate the arm anew, or "
+                "move the canvas. It did not move."
+            )
+        rate = np.abs(np.diff(way, axis=0)) / _PERIOD
+        if not (rate <= _MAX_RATE).all():
+            raise MotionFailed(
+                f"{label}: {JOINTS[int(rate.max(0).argmax())]} of {name} would turn at {rate.max():.1f} rad/s, and "
+                f"{_MAX_RATE:g} rad/s are allowed; lower the speed. It did not move."
             )
         # The first goal may be a posture with the brush turned upright: it is approached as slowly as a motion begins.
-        first = found[1] - found[0]
+        first = way[0] - start
         steps = max(1, math.ceil(float(np.abs(first).max()) / (0.5 * _PERIOD)))
-        return np.concatenate([found[0] + np.arange(steps)[:, None] / steps * first, np.array(found[1:])])
+        return np.concatenate([start + np.arange(steps)[:, None] / steps * first, way])
 
     def _require_held(self, label: str) -> None:
         """Raises MotionFailed if a servo is switched off, as all are after a failure of their supply."""
@@ -382,18 +340,6 @@ class So101Robot(Driver):
                 )
                 raise self._interlock.fault(error)
 
-    def _require_ranges(self, label: str, joints: NDArray[np.float64]) -> None:
-        """Raises MotionFailed if a servo is set up to turn less far: it would stay at its limit and say nothing."""
-        inside = (joints >= self._ranges[:, 0]) & (joints <= self._ranges[:, 1])
-        if not inside.all():
-            row, joint = np.argwhere(~inside)[0]
-            low, high = np.degrees(self._ranges[joint])
-            raise MotionFailed(
-                f"{label}: {JOINTS[joint]} of {self._interlock.name} would turn to "
-                f"{math.degrees(joints[row, joint]):.0f} degrees, and its servo is set up for {low:.0f} to {high:.0f} "
-                "(registers 9 and 11); calibrate the arm anew, or move the canvas. It did not move."
-            )
-
     def _stream(self, label: str, joints: NDArray[np.float64]) -> None:
         """Sends a goal every period, or later if the computer is busy."""
         due = time.monotonic()
@@ -401,14 +347,7 @@ class So101Robot(Driver):
             self._interlock.heed_stop(label)
             self._send(goal)
             if index % _EVERY == 0:
-                behind = np.abs(self._joints(label) - goal)
-                if not (behind <= _BEHIND).all():
-                    self._require_held(label)
-                    worst = int(behind.argmax())
-                    raise MotionFailed(
-                        f"{label}: {JOINTS[worst]} of {self._interlock.name} is {math.degrees(behind[worst]):.0f} "
-                        "degrees from its goal: something holds it, or its supply is weak. It holds now; look at it."
-                    )
+                self._require_near(label, self._joints(label), goal, _BEHIND)
             due = max(due + _PERIOD, time.monotonic())  # goals that are late do not come in a burst
             time.sleep(max(0.0, due - time.monotonic()))
 
@@ -421,30 +360,34 @@ class So101Robot(Driver):
             time.sleep(_PERIOD)
             self._interlock.heed_stop(label)
             now = self._joints(label)
-            if np.abs(now - before).max() <= _angle(_STILL):
-                away = np.abs(now - goal)
-                if not (away <= _AWAY).all():
-                    self._require_held(label)
-                    worst = int(away.argmax())
-                    raise MotionFailed(
-                        f"{label}: {JOINTS[worst]} of {self._interlock.name} stands {math.degrees(away[worst]):.0f} "
-                        "degrees from its goal: something holds it, or its supply is weak. Look at it."
-                    )
-                return self._kinematics().tip(now)[0]
+            if np.abs(now - before).max() <= _STILL * _STEP:
+                self._require_near(label, now, goal, _AWAY)
+                return self._kinematics.tip(now)[0]
             if time.monotonic() > until:
-                raise MotionFailed(f"{label}: {self._interlock.name} does not come to rest; look at it.")
+                raise self._failure(MotionFailed, label, "does not come to rest; look at it.")
             before = now
+
+    def _require_near(self, label: str, joints: NDArray[np.float64], goal: NDArray[np.float64], most: float) -> None:
+        """Raises MotionFailed if a joint is farther than `most` radians from its goal."""
+        away = np.abs(joints - goal)
+        if not (away <= most).all():
+            self._require_held(label)
+            worst = int(away.argmax())
+            raise MotionFailed(
+                f"{label}: {JOINTS[worst]} of {self._interlock.name} is {math.degrees(away[worst]):.0f} degrees from "
+                "its goal: something holds it, or its supply is weak. It holds now; look at it."
+            )
 
     def _joints(self, label: str) -> NDArray[np.float64]:
         """Returns the joint angles [5] that the encoders tell."""
         steps = np.array([self._read(label, number, _POSITION) for number in range(1, 6)], np.float64)
         if not np.array_equal(steps, self._steps):
-            self._steps, self._alive_at = steps, steady()
+            self._steps, self._alive = steps, steady()
         return _angles(steps)
 
     def _send(self, joints: NDArray[np.float64]) -> None:
         """Sends the goals of all servos in one packet, which no servo answers."""
-        steps = np.round(joints * _STEPS / (2 * math.pi) + _MIDDLE).astype(int)
+        steps = np.round(joints / _STEP + _MIDDLE).astype(int)
         data = [byte for number, step in enumerate(steps, 1) for byte in (number, int(step) & 0xFF, int(step) >> 8)]
         port = self._port
 
@@ -461,37 +404,29 @@ class So101Robot(Driver):
 
     def _read(self, label: str, number: int, address: int) -> int:
         """Returns a register of two bytes. Raises RobotDisconnected, or MotionFailed with the servo's error."""
-        return self._ask(label, number, lambda: self._packets.read2ByteTxRx(self._port, number, address))
+        return self._ask(label, number, lambda of: self._packets.read2ByteTxRx(self._port, of, address))
 
-    def _write(self, label: str, number: int, address: int, value: int) -> None:
-        """Writes a register of one byte."""
-        self._ask(label, number, lambda: (0, *self._packets.write1ByteTxRx(self._port, number, address, value)))
+    def _ask(self, label: str, number: int, call: Callable[[int], tuple[int, int, int]]) -> int:
+        """Returns what a call for a servo answers: a value, the result of the transfer, the servo's error."""
 
-    def _ask(self, label: str, number: int, call: Callable[[], tuple[int, int, int]]) -> int:
         def locked() -> tuple[int, int, int]:
             with self._line:
                 self._port.ser.reset_input_buffer()  # a late answer to an earlier question is none to this one
-                return call()
+                return call(number)
 
+        who = f"{label}: servo {number} ({JOINTS[number - 1]}) of {self._interlock.name}"
         for _ in range(3):  # a garbled answer is asked for again
             value, result, error = self._interlock.asking(label, lambda: self._on_the_bus(label, locked))
             if result == self._sdk.COMM_SUCCESS:
                 break
         else:
             raise self._interlock.fault(
-                RobotDisconnected(
-                    f"{label}: servo {number} ({JOINTS[number - 1]}) of {self._interlock.name} did not answer; look "
-                    "at its cable and at the arm's supply."
-                )
+                RobotDisconnected(f"{who} did not answer; look at its cable and at the arm's supply.")
             )
         if error:
             because = ", ".join(text for bit, text in _ERRORS.items() if error & bit) or f"error {error}"
             raise self._interlock.fault(
-                MotionFailed(
-                    f"{label}: servo {number} ({JOINTS[number - 1]}) of {self._interlock.name} reports that {because}; "
-                    "switch the arm off and on, and look at it.",
-                    error,
-                )
+                MotionFailed(f"{who} reports that {because}; switch the arm off and on, and look at it.", error)
             )
         return value
 
@@ -499,18 +434,14 @@ class So101Robot(Driver):
         """Returns the result of a call that uses the port. Raises RobotDisconnected if the port is gone."""
         try:
             return call()
-        except (OSError, TypeError, AttributeError) as gone:  # pyserial raises TypeError if another thread closed it
-            raise self._gone(label, gone) from gone
-        except Exception as failure:
-            if type(failure).__module__ == "termios":  # its error is no OSError, and Windows has no such module
-                raise self._gone(label, failure) from failure
-            raise
-
-    def _gone(self, label: str, cause: Exception) -> RobotDisconnected:
-        return RobotDisconnected(
-            f"{label}: the bus of {self._interlock.name} is gone ({one_line(cause)}); look at its cable. The servos "
-            "hold their last goals."
-        )
+        except Exception as gone:  # pyserial raises TypeError if another thread closed it
+            # The error of termios is no OSError, and Windows has no such module.
+            if not isinstance(gone, OSError | TypeError | AttributeError) and type(gone).__module__ != "termios":
+                raise
+            raise RobotDisconnected(
+                f"{label}: the bus of {self._interlock.name} is gone ({one_line(gone)}); look at its cable. The servos "
+                "hold their last goals."
+            ) from gone
 
     def _halt(self) -> None:
         """Makes the present positions the goals, as far as the servos answer. Raises nothing; waits a second at most.
@@ -533,19 +464,15 @@ class So101Robot(Driver):
             self._line.release()
 
 
-def _angle(steps: float) -> float:
-    return steps * 2 * math.pi / _STEPS
-
-
 def _angles(steps: NDArray[Any]) -> NDArray[np.float64]:
     """Returns joint angles in radians for positions of servos in steps."""
-    return (steps.astype(np.float64) - _MIDDLE) * _angle(1)
+    return (steps.astype(np.float64) - _MIDDLE) * _STEP
 
 
 def _open(name: MachineName, workspace: Workspace) -> So101Robot:
     name.require("brush_length")
     length = name.choose("brush_length", float, 0.05)
-    return So101Robot(So101Settings(name.where, require_home(name, workspace), workspace.travel_speed, length))
+    return So101Robot(name.where, require_home(name, workspace), workspace.travel_speed, length)
 
 
 KIND = RobotKind(

@@ -18,7 +18,7 @@ from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, R
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter_calibration.teaching.marks import MarkCutter, read_marks
-from frida_painter_drivers.xarm import XarmRobot, XarmSettings
+from frida_painter_drivers.xarm import XarmRobot
 from machines.paths import a_stroke
 from machines.xarm_box import COLLISION, PAUSED, STANDBY, TEACHING, XarmBox, use_ports
 from support.hand_marks import make_marks
@@ -112,7 +112,7 @@ def test_marks_of_a_guided_xarm_are_those_of_the_hand(
 
 
 def test_no_motion_goes_to_an_arm_that_is_guided(box: XarmBox) -> None:
-    robot = XarmRobot(XarmSettings("127.0.0.1", (0.3, -0.1, 0.3), brush_length=BRUSH))
+    robot = XarmRobot("127.0.0.1", (0.3, -0.1, 0.3), brush_length=BRUSH)
     robot.begin_guiding()
     before = box.pose.copy()
     with pytest.raises(RobotError, match="is in mode 2 and not in 0, for positions"):

@@ -18,11 +18,11 @@ import numpy as np
 import pytest
 
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter_drivers.franka import FrankaRobot, FrankaSettings
-from frida_painter_drivers.franka_kinematics import FrankaReach
-from frida_painter_drivers.rosbridge import RosbridgeConnection, RosRobot, RosSettings
-from frida_painter_drivers.so101 import So101Kinematics, So101Robot, So101Settings
-from frida_painter_drivers.xarm import XarmRobot, XarmSettings
+from frida_painter_drivers.franka import FrankaRobot
+from frida_painter_drivers.franka import FrankaReach
+from frida_painter_drivers.rosbridge import RosbridgeConnection, RosRobot
+from frida_painter_drivers.so101 import So101Kinematics, So101Robot
+from frida_painter_drivers.xarm import XarmRobot
 from machines import franky_arm, sts_bus
 from machines.bench import FOUND, SerialBench
 from machines.rosbridge import Rosbridge
@@ -120,7 +120,7 @@ class XarmBench(LiveBench):
         return self.box.pace
 
     def robot(self) -> Any:
-        return self.made(XarmRobot(XarmSettings("127.0.0.1", HOME, 0.1)))
+        return self.made(XarmRobot("127.0.0.1", HOME, 0.1))
 
     def tip(self) -> np.ndarray:
         return np.array(self.box.pose[:3]) / 1000
@@ -192,7 +192,7 @@ class RosBench(LiveBench):
 
     def robot(self) -> Any:
         place = ("127.0.0.1", self.bridge.port)
-        return self.made(RosRobot(RosSettings(HOME, 0.1), RosbridgeConnection(*place), RosbridgeConnection(*place)))
+        return self.made(RosRobot(HOME, RosbridgeConnection(*place), RosbridgeConnection(*place), 0.1))
 
     def tip(self) -> np.ndarray:
         return np.array(self.bridge.arm.place)
@@ -346,7 +346,7 @@ class FrankaBench(LiveBench):
 
     def robot(self) -> Any:
         self._live_again()
-        return self.made(PlacedFranka(FrankaSettings(self._arm.address, HOME, 0.05, brush_length=franky_arm.BRUSH)))
+        return self.made(PlacedFranka(self._arm.address, HOME, 0.05, brush_length=franky_arm.BRUSH))
 
     def _live_again(self) -> None:
         if self._fault not in ("unplug", "garbage") and self._shelf.take() is not self._arm:
@@ -488,7 +488,7 @@ def so101_bench(clock: SimulatedTime, monkeypatch: pytest.MonkeyPatch) -> So101B
     bus, cable = so101_bus(clock, monkeypatch, FOUND @ PlacedSo101.turn.T + PlacedSo101.origin)
     bus.lose_every = 37
     bench = So101Bench(
-        clock, bus, cable, lambda port: PlacedSo101(So101Settings(port, HOME, brush_length=sts_bus.BRUSH))
+        clock, bus, cable, lambda port: PlacedSo101(port, HOME, brush_length=sts_bus.BRUSH)
     )
     bench.lacks = {
         "zero": _ENCODERS,

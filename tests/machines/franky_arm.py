@@ -4,7 +4,7 @@ The server, its protocol and its dynamics are franky-sim's. Added here: the spri
 scene, the force estimate that a real arm reports (the simulator leaves it 0), the robot modes and errors that it does
 not simulate, and a trace of the true joint angles.
 
-    with FrankyArm(folder) as arm: FrankaRobot(FrankaSettings(arm.address, ...))
+    with FrankyArm(folder) as arm: FrankaRobot(arm.address, ...)
 """
 
 import json

@@ -35,7 +35,7 @@ from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.virtual.bristles import find_brush
-from frida_painter_drivers.franka import FrankaRobot, FrankaSettings
+from frida_painter_drivers.franka import FrankaRobot
 from support import data
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -232,7 +232,7 @@ def closed_loop(folder: Path, strokes: int, replans: int, colors: int = 3) -> Dr
     """Paints in the virtual studio: its brush is where the tip of the simulated Franka is."""
     layout = before_the_arm(0.06, 0.42, HEIGHT, find_brush("fine").press_depth / 1000)
     with FrankyArm(folder, table=False) as arm:
-        robot = FrankaRobot(FrankaSettings(arm.address, layout.home, layout.workspace.travel_speed, brush_length=BRUSH))
+        robot = FrankaRobot(arm.address, layout.home, layout.workspace.travel_speed, brush_length=BRUSH)
         seen, read = [np.empty((0, 3))], 0
 
         def tips() -> np.ndarray:
@@ -248,7 +248,7 @@ def closed_loop(folder: Path, strokes: int, replans: int, colors: int = 3) -> Dr
 
 def stop(arm: FrankyArm, speed: float) -> Stop:
     """Stops the arm in motion, from another thread."""
-    robot = FrankaRobot(FrankaSettings(arm.address, HOME, brush_length=BRUSH))
+    robot = FrankaRobot(arm.address, HOME, brush_length=BRUSH)
     robot.connect()
     robot.follow(Waypoints("above", np.array([[0.4, -0.1, 0.25]]), 0.2))
     asked, before = [], len(arm.stops())
@@ -277,7 +277,7 @@ def reflex(folder: Path, arm: FrankyArm) -> str:
     """Has the arm run into something; returns what was wrong, "" if nothing."""
     workspace = WorkcellConfig.load(folder / "easel.toml").workspace
     latch = Latch(folder / "stopped" / "studio.json", "studio")
-    robot = GuardedRobot(FrankaRobot(FrankaSettings(arm.address, HOME, brush_length=BRUSH)), workspace, latch)
+    robot = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), workspace, latch)
     robot.connect()
     robot.home()
 
@@ -303,7 +303,7 @@ def reflex(folder: Path, arm: FrankyArm) -> str:
             latch.release()
         elif latch.read() is None:
             latch.engage("a reflex")
-        again = GuardedRobot(FrankaRobot(FrankaSettings(arm.address, HOME, brush_length=BRUSH)), workspace, latch)
+        again = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), workspace, latch)
         try:
             again.connect()
             again.home()
@@ -313,7 +313,7 @@ def reflex(folder: Path, arm: FrankyArm) -> str:
     if arm.moves() != moves or arm.recoveries():
         return "it moved or recovered by itself"
     latch.release()
-    again = GuardedRobot(FrankaRobot(FrankaSettings(arm.address, HOME, brush_length=BRUSH)), workspace, latch)
+    again = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), workspace, latch)
     again.connect()
     again.home()
     again.close()

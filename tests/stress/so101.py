@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 from frida_painter.virtual.bristles import find_brush
-from frida_painter_drivers.so101 import PLAY, So101Robot, So101Settings
+from frida_painter_drivers.so101 import PLAY, So101Robot
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from machines.arm_bench import so101_bus
@@ -69,7 +69,7 @@ def judged(world: VirtualPainting, strokes: int, replans: int, play: float, colo
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("serial.Serial", clock.port())
         bus, cable = so101_bus(clock, patch, np.array(layout.home), play=play)
-        robot = So101Robot(So101Settings(cable.name, layout.home, layout.workspace.travel_speed, BRUSH))
+        robot = So101Robot(cable.name, layout.home, layout.workspace.travel_speed, BRUSH)
         seen: list[np.ndarray] = []
         read = 0
 

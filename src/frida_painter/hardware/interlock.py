@@ -14,7 +14,7 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from frida_painter.hardware.deadline import in_our_errors, one_line, within
 from frida_painter.hardware.robot import Waypoints
 
 Answer = TypeVar("Answer")
+Failure = TypeVar("Failure", bound=FridaError)
 PATIENCE = 5.0
 """Seconds within which any machine answers a question that moves nothing."""
 
@@ -63,6 +64,10 @@ class Interlock:
         """Blocks all motions from now on because of `error`, and returns `error` to be raised."""
         self._fault = self._fault or str(error)
         return error
+
+    def failure(self, kind: type[Failure], label: str, said: str, *more: Any) -> Failure:
+        """Returns an error of the robot: "LABEL: ROBOT SAID". more: of the error's kind, such as a code"""
+        return kind(f"{label}: {self.name} {said}", *more)
 
     @contextmanager
     def blocking(self) -> Iterator[None]:

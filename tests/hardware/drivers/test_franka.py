@@ -23,8 +23,8 @@ from frida_painter.hardware import interlock
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
 from frida_painter_drivers import franka
-from frida_painter_drivers.franka import FrankaRobot, FrankaSettings
-from frida_painter_drivers.franka_kinematics import FrankaReach, resume_path
+from frida_painter_drivers.franka import FrankaRobot
+from frida_painter_drivers.franka import FrankaReach, resume_path
 from machines.franky_arm import BRUSH, HEIGHT, TABLE_AT, FrankyArm, tip_positions
 
 HOME = (0.4, 0.0, 0.3)
@@ -46,7 +46,7 @@ def robot(arm: FrankyArm) -> Iterator[FrankaRobot]:
 
 
 def connected(arm: FrankyArm) -> FrankaRobot:
-    robot = FrankaRobot(FrankaSettings(arm.address, HOME, brush_length=BRUSH))
+    robot = FrankaRobot(arm.address, HOME, brush_length=BRUSH)
     robot.connect()
     return robot
 
@@ -133,7 +133,7 @@ def test_the_reach_that_is_known_before_is_that_of_the_arms_own_model(arm: Frank
     for place, joints in zip(places, FrankaReach(BRUSH).solve(places), strict=True):
         tip, rotation = robot._pose_of(joints, state)
         assert tip == pytest.approx(place, abs=1e-6)
-        assert rotation == pytest.approx(robot.settings.upright, abs=1e-6)
+        assert rotation == pytest.approx(robot._upright.as_matrix(), abs=1e-6)
     assert robot.reachable(places).all()
     assert not robot.reachable(np.array([[0.95, 0, 0.1], [0.1, 0, 0.1], [0.25, 0, 0.75]])).any()
 
@@ -388,7 +388,7 @@ def test_a_touch_that_cannot_be_believed_is_refused(
     tmp_path: Path, scene: dict[str, float], counts: float, told: str
 ) -> None:
     with FrankyArm(tmp_path, **scene) as arm:
-        robot = FrankaRobot(FrankaSettings(arm.address, HOME, brush_length=BRUSH, touch_force=counts))
+        robot = FrankaRobot(arm.address, HOME, brush_length=BRUSH, touch_force=counts)
         robot.connect()
         robot.follow(Waypoints("above", np.array([[0.45, 0.0, 0.118]]), 0.1))
         with pytest.raises(MotionFailed, match=f"touch: .*{told}"):
@@ -400,12 +400,12 @@ def test_a_touch_that_cannot_be_believed_is_refused(
 def test_an_examination_explains_the_arm_and_moves_nothing(arm: FrankyArm) -> None:
     arm.order(mode=None, errors=[], reject=None)
     moves = arm.moves()
-    told = FrankaRobot(FrankaSettings(arm.address, HOME, brush_length=BRUSH)).examine()
+    told = FrankaRobot(arm.address, HOME, brush_length=BRUSH).examine()
     text = " ".join(fact.text for fact in told.facts)
     assert "idle and ready" in text and "0.73 kg" in text and "PREEMPT_RT" in text
     assert {fact.weight for fact in told.facts} == {"fact", "warning"}
     arm.order(mode="kReflex", errors=[7])
-    told = FrankaRobot(FrankaSettings(arm.address, HOME)).examine()
+    told = FrankaRobot(arm.address, HOME).examine()
     assert [fact.text for fact in told.facts if fact.weight == "refusal"] == [
         "The arm does not move: it is in a reflex: it ran into something or was commanded beyond its limits, "
         "cartesian_reflex; look at it, free it, then press and release its user stop, or clear the error in Desk; this "
@@ -418,14 +418,14 @@ def test_an_examination_explains_the_arm_and_moves_nothing(arm: FrankyArm) -> No
 
 def test_an_address_where_nobody_answers_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(RobotDisconnected, match=r"No Franka answers at 127.0.41.9 \(.*refused.*\).*FCI is activated"):
-        FrankaRobot(FrankaSettings("127.0.41.9", HOME)).connect()
+        FrankaRobot("127.0.41.9", HOME).connect()
     with socket.create_server(("127.0.41.9", 1337)):  # somebody who never says anything
         monkeypatch.setattr(interlock.Interlock.asking, "__defaults__", (0.5,))
         with pytest.raises(RobotDisconnected, match=r"No Franka answers at 127.0.41.9 .*another program"):
-            FrankaRobot(FrankaSettings("127.0.41.9", HOME)).connect()
+            FrankaRobot("127.0.41.9", HOME).connect()
 
 
 def test_without_the_package_a_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "franky", None)
     with pytest.raises(RobotError, match='extra "franka"'):
-        FrankaRobot(FrankaSettings("127.0.0.1", HOME)).connect()
+        FrankaRobot("127.0.0.1", HOME).connect()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import RobotDisconnected, RobotError
-from frida_painter_drivers.rosbridge import RosbridgeConnection, RosRobot, RosSettings
+from frida_painter_drivers.rosbridge import RosbridgeConnection, RosRobot
 from machines.paths import a_stroke
 
 pytest.importorskip("roslibpy", reason="the extra `ros` is not installed")
@@ -18,7 +18,7 @@ HOME = (0.25, -0.1, 0.3)
 
 def robot_behind(bridge: Rosbridge) -> RosRobot:
     connections = (RosbridgeConnection("127.0.0.1", bridge.port) for _ in range(2))
-    return RosRobot(RosSettings(HOME), *connections)
+    return RosRobot(HOME, *connections)
 
 
 def test_a_stroke_is_painted_through_rosbridge() -> None:
@@ -108,7 +108,7 @@ def test_the_doctor_tells_what_ros_does_not() -> None:
 def test_nobody_at_the_address_is_told() -> None:
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
-    robot = RosRobot(RosSettings(HOME), RosbridgeConnection("127.0.0.1", port), RosbridgeConnection("127.0.0.1", port))
+    robot = RosRobot(HOME, RosbridgeConnection("127.0.0.1", port), RosbridgeConnection("127.0.0.1", port))
     with pytest.raises(RobotDisconnected, match=rf"No rosbridge answers at 127.0.0.1:{port} \(Connection refused\)"):
         robot.connect()
 

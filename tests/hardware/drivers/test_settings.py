@@ -7,29 +7,26 @@ import pytest
 
 from frida_painter.errors import ConfigError
 from frida_painter_drivers.axidraw import AxidrawSettings
-from frida_painter_drivers.franka_settings import FrankaSettings
-from frida_painter_drivers.rosbridge import RosSettings
-from frida_painter_drivers.so101 import So101Settings
-from frida_painter_drivers.xarm import XarmSettings
+from frida_painter_drivers.franka import FrankaRobot
+from frida_painter_drivers.rosbridge import RosbridgeConnection, RosRobot
+from frida_painter_drivers.so101 import So101Robot
+from frida_painter_drivers.xarm import XarmRobot
 
-HOME = (0.3, -0.1, 0.3)
-WRONG: list[tuple[type, tuple[Any, ...], dict[str, Any]]] = [
-    *((AxidrawSettings, (HOME,), wrong) for wrong in (
-        {"approach": 0.0}, {"acceleration": math.nan}, {"lift": "hydraulic"}, {"down_speed": 0.0}, {"up_speed": 9.0})),
-    *((FrankaSettings, ("10.0.0.2", HOME), wrong) for wrong in (
-        {"approach": 0.0}, {"brush_length": -1.0}, {"turn": 200.0}, {"force": 1.0}, {"touch_force": math.nan},
-        {"acceleration": 0.0})),
-    *((RosSettings, (HOME,), wrong) for wrong in ({"approach": 0.0}, {"namespace": "brush"})),
-    *((So101Settings, ("/dev/null", HOME), wrong) for wrong in (
-        {"approach": 0.0}, {"brush_length": -1.0}, {"acceleration": math.nan})),
-    *((XarmSettings, ("10.0.0.2", HOME), wrong) for wrong in (
-        {"approach": 0.0}, {"brush_length": -1.0}, {"blend": math.nan}, {"acceleration": 0.0},
-        {"tool": (180.0, math.nan, 0.0)})),
+HOME, NOBODY = (0.3, -0.1, 0.3), RosbridgeConnection("127.0.0.1")
+WRONG: list[tuple[type, tuple[Any, ...], list[dict[str, Any]]]] = [
+    (AxidrawSettings, (HOME,), [
+        {"approach": 0.0}, {"approach": math.nan}, {"lift": "hydraulic"}, {"down_speed": 0.0}, {"up_speed": 9.0}]),
+    (FrankaRobot, ("10.0.0.2", HOME), [
+        {"approach": 0.0}, {"brush_length": -1.0}, {"turn": 200.0}, {"force": 1.0}, {"touch_force": math.nan}]),
+    (RosRobot, (HOME, NOBODY, NOBODY), [{"approach": 0.0}, {"approach": 1.1}, {"namespace": "brush"}]),
+    (So101Robot, ("/dev/null", HOME), [{"approach": 0.0}, {"approach": 0.6}, {"brush_length": math.nan}]),
+    (XarmRobot, ("10.0.0.2", HOME), [{"approach": 0.0}, {"brush_length": -1.0}]),
 ]  # fmt: skip
 
 
 def test_settings_that_cannot_be_are_refused() -> None:
-    for kind, given, wrong in WRONG:
+    for kind, given, mistakes in WRONG:
         kind(*given)
-        with pytest.raises(ConfigError, match=" was given "):
-            kind(*given, **wrong)
+        for wrong in mistakes:
+            with pytest.raises(ConfigError, match=" was given "):
+                kind(*given, **wrong)

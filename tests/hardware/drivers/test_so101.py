@@ -15,7 +15,7 @@ from frida_painter.cli.plan_output import _tell_play
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.robot import LooseRobot, Reach, Waypoints
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter_drivers.so101 import LIMITS, PLAY, So101Kinematics, So101Robot, So101Settings
+from frida_painter_drivers.so101 import LIMITS, PLAY, So101Kinematics, So101Robot
 from machines.arm_bench import so101_bus
 from machines.simulated_time import SimulatedTime
 from machines.sts_bus import BRUSH, StsBus, tips
@@ -29,7 +29,7 @@ def bus(simulated_time: SimulatedTime, monkeypatch: pytest.MonkeyPatch) -> StsBu
 
 
 def connected(bus: StsBus) -> So101Robot:
-    robot = So101Robot(So101Settings(bus.cable.name, HOME, brush_length=BRUSH))
+    robot = So101Robot(bus.cable.name, HOME, brush_length=BRUSH)
     robot.connect()
     return robot
 
@@ -166,7 +166,7 @@ def test_what_is_out_of_reach_is_refused_before_anything_moves(bus: StsBus) -> N
 
 
 def test_a_degree_of_play_is_told_in_millimetres(bus: StsBus) -> None:
-    robot = So101Robot(So101Settings(bus.cable.name, HOME, brush_length=BRUSH))
+    robot = So101Robot(bus.cable.name, HOME, brush_length=BRUSH)
     place = np.array([0.2, 0.0, 0.03])
     arm = So101Kinematics(BRUSH)
     joints = arm.start(place)
@@ -188,5 +188,5 @@ def test_a_check_of_a_plan_tells_the_play(capsys: pytest.CaptureFixture[str]) ->
     values["brush"]["press_height"], values["paint"]["wells"] = 0.015, [[0.32, -0.2, 0.118]]
     values["motion"]["home"] = [0.1, -0.25, 0.25]
     workcell = WorkcellConfig.of(values, "easel.toml")
-    _tell_play(So101Robot(So101Settings("/dev/null", HOME, brush_length=BRUSH)), workcell)
+    _tell_play(So101Robot("/dev/null", HOME, brush_length=BRUSH), workcell)
     assert re.search(r"play of its gears lets the tip be up to [345]\.\d mm off", capsys.readouterr().out)
