@@ -6,20 +6,19 @@ ebb.py speaks to the board. The motion is planned here: short straight moves in 
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter import registry
-from frida_painter.errors import ConfigError, FridaError, MotionFailed, RobotDisconnected, RobotError, ZeroUnknown
+from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, ZeroUnknown
 from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.gcode import Servo
-from frida_painter.hardware.interlock import PATIENCE, Interlock
+from frida_painter.hardware.interlock import PATIENCE
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, by_name, require_home
 from frida_painter.hardware.robot import (
-    Examination,
     MachineFact,
     MotionReport,
     Point,
@@ -40,6 +39,7 @@ MAX_SPEED = 0.99 * MAX_STEP_RATE / (1000 * STEPS_PER_MM * math.sqrt(2))
 _PIECE = 0.025  # seconds of a move: after a stop the board finishes no more than the current one
 _JERK = 0.04  # m/s by which the speed of a motor's belt may jump in a corner
 _JOG_SPEED = 0.03
+_ACCELERATION = 0.8  # m/s2
 _TICK = 24  # milliseconds between two pulses of a servo
 _TOGETHER = 1e-9  # metres
 
@@ -47,12 +47,10 @@ _TOGETHER = 1e-9  # metres
 # Lifts: the servo that raises the brush, and the pin at which the board drives it.
 
 
-@dataclass(frozen=True)
-class Lift:
-    """Kind of lift.
+class Lift(NamedTuple):
+    """Kind of lift: pin of the board (RPn) that drives its servo, and its range.
 
-    pin: of the board (RPn) that drives the servo
-    servo: its range; heights are those of a brush in the middle of its travel, to be calibrated
+    Heights are those of a brush in the middle of its travel, to be calibrated.
     """
 
     pin: int
@@ -75,7 +73,6 @@ class AxidrawSettings:
     lift: "standard" or "brushless" (LIFTS)
     servo: two calibrated heights with pulses in units of 1/12 microsecond; None for the whole range of the lift
     approach: m/s to the first waypoint, above 0 to MAX_SPEED
-    acceleration: m/s2, above 0 to 10
     up_speed, down_speed: m/s at which the lift raises and lowers the brush, 0.001 to 0.2
 
     The zero of the robot's frame is the home corner of the carriage. x points to the right and y away from you, so
@@ -88,7 +85,6 @@ class AxidrawSettings:
     lift: str = "standard"
     servo: Servo | None = None
     approach: float = 0.15
-    acceleration: float = 0.8
     up_speed: float = 0.05
     down_speed: float = 0.03
 
@@ -101,11 +97,8 @@ class AxidrawSettings:
                 f"a second, which is {MAX_SPEED:.3f} m/s on a diagonal. Set travel_speed to at most that."
             )
         speeds = (self.up_speed, self.down_speed)
-        if not (0 < self.acceleration <= 10 and all(0.001 <= speed <= 0.2 for speed in speeds)):
-            raise ConfigError(
-                f"An AxiDraw was given an acceleration of {self.acceleration} m/s2 and lift speeds of {speeds} m/s; "
-                "they are above 0 to 10 m/s2 and 0.001 to 0.2 m/s."
-            )
+        if not all(0.001 <= speed <= 0.2 for speed in speeds):
+            raise ConfigError(f"An AxiDraw was given lift speeds of {speeds} m/s; they are from 0.001 to 0.2 m/s.")
 
     @property
     def pin(self) -> int:
@@ -126,7 +119,7 @@ class AxidrawSettings:
             acceleration=(math.inf, math.inf, math.inf),
             axes=((1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0)),
             jerk=(_JERK, _JERK, up),
-            along=self.acceleration,
+            along=_ACCELERATION,
             between=0.08,
         )
 
@@ -219,48 +212,47 @@ _BOARD = (0x04D8, 0xFD92)  # numbers of maker and product that an EiBotBoard tel
 
 
 class AxidrawRobot(Driver):
-    """Robot with an EiBotBoard. Implements Robot, ZeroedRobot, TimedRobot, ExaminedRobot and PausableRobot.
+    """Robot with an EiBotBoard. Implements ZeroedRobot, LineStoppedRobot and PausableRobot as well.
 
     Its position is the count of the board's steps, so it cannot detect lost steps. A mark in the board's memory, which
     is lost with the count, tells after a new connection whether the count is still true.
     """
 
     def __init__(self, settings: AxidrawSettings) -> None:
+        super().__init__("the AxiDraw", settings.home, settings.approach)
         self.settings = settings
-        self._interlock = Interlock("the AxiDraw")
         self._line: SerialLine | None = None
         self._board: Board | None = None
         self._height = settings.range.high[0]
         self._offset = (0, 0)  # steps to the right and towards you at which the counters were zero
-        self._lost = _FIRST
+        self._lost = "it was not connected yet"
         self._pressed = False
-        self._alive = -math.inf
 
-    def connect(self) -> None:
+    def _open(self, *, examines: bool) -> None:
         """Finds the board, raises the brush and reads whether the zero survived; if not, the motors are left off.
 
-        Raises RobotError if a package or the motor power is missing or the firmware is too old, RobotDisconnected if
-        there is no board.
+        Raises RobotError if the motors have no power or the firmware is too old.
         """
-        self.close()
-        line = SerialLine.open(self._port(), 9600)
-        self._interlock.mark_connected()
-        board = Board(line, self._interlock)
-        try:
-            board.greet()
-            if board.voltage_is_low():
-                raise RobotError(_NO_POWER)
-            self._recall_zero(board)
-            board.watch_power()
-            if self.settings.lift == "standard":
-                board.hold_lift(round(self.settings.range.high[1]))
-            self._raise_lift(board)
-            board.button()  # a press before the connection meant something else
-        except FridaError:
-            self._interlock.mark_disconnected()
-            line.close()
-            raise
-        self._line, self._board, self._pressed = line, board, False
+        self._line = SerialLine.open(self._port(), 9600)
+        self._board = board = Board(self._line, self._interlock)
+        board.greet()
+        if examines:
+            return
+        if board.voltage_is_low():
+            raise RobotError(_NO_POWER)
+        known = _read_zero(board)
+        if isinstance(known, str):
+            self._offset, self._lost = (0, 0), known
+            board.forget_zero()
+            board.switch_motors(False)  # so that the carriage can be pushed into its corner
+        else:
+            self._offset, self._lost = known, ""
+        board.watch_power()
+        if self.settings.lift == "standard":
+            board.hold_lift(round(self.settings.range.high[1]))
+        self._raise_lift(board)
+        board.button()  # a press before the connection meant something else
+        self._pressed = False
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres, from the steps made. Its height is the servo's last command."""
@@ -276,10 +268,8 @@ class AxidrawRobot(Driver):
         """
         self._require_way(waypoints)
         if self._lost:
-            raise ZeroUnknown(
-                f"{waypoints.label}: {self._interlock.name} does not know where it stands: {self._lost}. Find its zero "
-                "again: push the carriage into its home corner, and confirm that."
-            )
+            said = f"does not know where it stands: {self._lost}. Find its zero again: push the carriage into its home "
+            raise self._failure(ZeroUnknown, waypoints.label, f"{said}corner, and confirm that.")
         return super().follow(waypoints)
 
     def stop_line(self) -> StopLine | None:
@@ -338,10 +328,6 @@ class AxidrawRobot(Driver):
         """Returns the limits of the board, the belts and the lift, by which the motion is planned here."""
         return self.settings.timing
 
-    def alive_at(self) -> float:
-        """Returns when the board last took a move or answered."""
-        return self._alive
-
     def wants_pause(self) -> bool:
         """Returns True, once, if the board's button was pressed since the last call."""
         board = self._ready("button")
@@ -350,19 +336,9 @@ class AxidrawRobot(Driver):
         self._pressed = False
         return pressed
 
-    def examine(self) -> Examination:
-        """Connects, reads what the board tells, and disconnects; moves nothing and changes nothing."""
-        self.close()
-        line = SerialLine.open(self._port(), 9600)
-        try:
-            board = Board(line, Interlock("the AxiDraw"))
-            board.greet()
-            return Examination(tuple(self._facts(board, line.name)), self.settings.timing)
-        finally:
-            line.close()
-
-    def _facts(self, board: Board, port: str) -> Iterator[MachineFact]:
-        yield MachineFact(f"An EiBotBoard with firmware {board.version_text} answers at {port}.")
+    def _facts(self) -> Iterator[MachineFact]:
+        board = self._ready("examine")
+        yield MachineFact(f"An EiBotBoard with firmware {board.version_text} answers at {board.port}.")
         if board.voltage_is_low():
             yield MachineFact(_NO_POWER, "refusal")
         known = _read_zero(board)
@@ -411,17 +387,8 @@ class AxidrawRobot(Driver):
     def _ready(self, label: str) -> Board:
         self._interlock.require_ready(label)
         if self._board is None:
-            raise RobotError(f"{label}: {self._interlock.name} is not connected; call connect() first.")
+            raise self._failure(RobotError, label, "is not connected; call connect() first.")
         return self._board
-
-    def _recall_zero(self, board: Board) -> None:
-        known = _read_zero(board)
-        if isinstance(known, str):
-            self._offset, self._lost = (0, 0), known
-            board.forget_zero()
-            board.switch_motors(False)  # so that the carriage can be pushed into its corner
-        else:
-            self._offset, self._lost = known, ""
 
     def _require_way(self, waypoints: Waypoints) -> None:
         self._ready(waypoints.label)
@@ -437,7 +404,7 @@ class AxidrawRobot(Driver):
     def _go(self, waypoints: Waypoints) -> NDArray[np.float64]:
         board = self._ready(waypoints.label)
         started = time.monotonic()
-        self._require_power(board, waypoints.label)
+        self._require_power(board, waypoints.label, board.state())
         todo = list(moves(self._place(board), waypoints, self.settings))
         before = ([self._height] + [move.height for move in todo[:-1]])[-1]
         pulses = [round(self.settings.range.value(move.height)) for move in todo]
@@ -446,11 +413,9 @@ class AxidrawRobot(Driver):
             self._make(board, move, pulse, waypoints.label)
         if todo and todo[-1].height != before:  # the servo is up to two pulses late
             board.do(f"SM,{2 * _TICK},0,0", waypoints.label, None, time.monotonic() + PATIENCE)
-        self._note(board.wait(waypoints.label, until), waypoints.label)
-        self._require_power(board, waypoints.label)
-        reached = self._place(board)
+        self._require_power(board, waypoints.label, board.wait(waypoints.label, until))
         self._alive = steady()
-        return reached
+        return self._place(board)
 
     def _halt(self) -> None:
         """Sends ES: the board drops its current and queued moves. The brush stays at its height; the motors hold."""
@@ -485,26 +450,16 @@ class AxidrawRobot(Driver):
         board.wait("connect", until)
         self._height = high
 
-    def _require_power(self, board: Board, label: str) -> None:
-        """Raises MotionFailed if the motors have no power, or had none for a while."""
-        self._note(board.state(), label)
-        if board.voltage_is_low():
-            self._lose_zero(label)
-
-    def _note(self, state: BoardState, label: str) -> None:
+    def _require_power(self, board: Board, label: str, state: BoardState) -> None:
+        """Raises MotionFailed, and forgets the zero, if the motors have no power, or had none for a while."""
         self._pressed = self._pressed or state.button
-        if state.power_lost:
-            self._lose_zero(label)
-
-    def _lose_zero(self, label: str) -> None:
-        """Forgets the zero. Raises MotionFailed."""
-        self._lost = _POWER_LOST
-        if self._board is not None:
-            self._board.forget_zero()
-        raise MotionFailed(
-            f"{label}: {self._interlock.name} lost the power of its motors, so its carriage may have moved. Look at "
-            "its power supply, then connect anew; its zero has to be found again."
-        )
+        if state.power_lost or board.voltage_is_low():
+            self._lost = "its motors lost their power, so its carriage may have moved"
+            board.forget_zero()
+            raise MotionFailed(
+                f"{label}: {self._interlock.name} lost the power of its motors, so its carriage may have moved. Look "
+                "at its power supply, then connect anew; its zero has to be found again."
+            )
 
     def _place(self, board: Board) -> NDArray[np.float64]:
         first, second = board.steps()
@@ -512,8 +467,6 @@ class AxidrawRobot(Driver):
         return np.array([right / STEPS_PER_MM / 1000, -down / STEPS_PER_MM / 1000, self._height])
 
 
-_FIRST = "it was not connected yet"
-_POWER_LOST = "its motors lost their power, so its carriage may have moved"
 _NO_POWER = "The AxiDraw has no power for its motors; plug in its power supply."
 
 
@@ -534,19 +487,17 @@ def _read_zero(board: Board) -> tuple[int, int] | str:
 
 def _open(name: MachineName, workspace: Workspace) -> AxidrawRobot:
     name.require("servo", "lift", "up_speed", "down_speed", where=False)
-    told: dict[str, Any] = {
-        "lift": name.choose("lift", lambda kind: str(LIFTS[kind] and kind), None),
-        "servo": name.choose("servo", Servo.of, None),
-        "up_speed": name.choose("up_speed", float, None),
-        "down_speed": name.choose("down_speed", float, None),
-    }
+    read: dict[str, Callable[[str], Any]] = {
+        "lift": lambda kind: str(LIFTS[kind] and kind), "servo": Servo.of, "up_speed": float, "down_speed": float,
+    }  # fmt: skip
+    told = {option: name.choose(option, read[option], None) for option in name.options}
     if workspace.painting_speed > MAX_SPEED:
         raise ConfigError(
             f"The workspace has a painting_speed of {workspace.painting_speed:g} m/s; an AxiDraw paints with at most "
             f"{MAX_SPEED:.3f} m/s, which are {MAX_STEP_RATE} steps a second on a diagonal."
         )
-    settings = AxidrawSettings(require_home(name, workspace), name.where or None, approach=workspace.travel_speed)
-    return AxidrawRobot(replace(settings, **{key: value for key, value in told.items() if value is not None}))
+    home, approach = require_home(name, workspace), workspace.travel_speed
+    return AxidrawRobot(AxidrawSettings(home, name.where or None, approach=approach, **told))
 
 
 KIND = RobotKind(

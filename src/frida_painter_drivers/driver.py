@@ -12,8 +12,16 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.interlock import Failure, Interlock
-from frida_painter.hardware.robot import Examination, MachineFact, MotionReport, Point, Waypoints, plan_way_home
-from frida_painter.hardware.timing import AxisTiming, TravelLimits
+from frida_painter.hardware.robot import (
+    Examination,
+    LimitedRobot,
+    MachineFact,
+    MotionReport,
+    Point,
+    Waypoints,
+    plan_way_home,
+)
+from frida_painter.hardware.timing import AxisTiming
 
 
 class Driver(ABC):
@@ -76,7 +84,8 @@ class Driver(ABC):
         """Connects, reads everything that the machine tells, and disconnects; moves and changes nothing."""
         with self._opening():
             self._open(examines=True)
-            told = Examination(tuple(self._facts()), self.timing(), self._limits())
+            limits = self.travel_limits() if isinstance(self, LimitedRobot) else None
+            told = Examination(tuple(self._facts()), self.timing(), limits)
         self.close()
         return told
 
@@ -104,10 +113,6 @@ class Driver(ABC):
         """Stops the machine at once; it forgets its remaining motions."""
         self._interlock.stop()
         self._halt()
-
-    def _limits(self) -> TravelLimits | None:
-        """Returns the limits of its travel that the open machine tells; None without."""
-        return None
 
     @contextmanager
     def _opening(self) -> Iterator[None]:

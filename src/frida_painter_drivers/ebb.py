@@ -8,9 +8,10 @@ software leaves on). It reads no command while its queue of one move is full. So
 
 import re
 import time
-from dataclasses import dataclass
+from contextlib import suppress
+from typing import NamedTuple
 
-from frida_painter.errors import FridaError, MotionFailed, RobotDisconnected, RobotError
+from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.interlock import PATIENCE, Interlock
 from frida_painter_drivers.serial_line import SerialLine
 
@@ -30,8 +31,7 @@ _MARK_INDEX, _OFFSET_INDEX = 20, 24  # of the 32 variables of firmware 3
 _OFFSET_UNIT = 4  # steps: two offsets of 16 bits fit into the node counter of firmware 2
 
 
-@dataclass(frozen=True)
-class BoardState:
+class BoardState(NamedTuple):
     """State of the board between two commands.
 
     moving: True if a command is executed or waits
@@ -47,13 +47,14 @@ class BoardState:
 class Board:
     """EiBotBoard at an open line. Its counters of steps are those of the two motors.
 
+    port: name of its serial line
     version: of the firmware, once greeted
 
     Raises RobotDisconnected if it does not answer, RobotError if it answers nonsense or refuses.
     """
 
     def __init__(self, line: SerialLine, interlock: Interlock) -> None:
-        self._line, self._interlock = line, interlock
+        self._line, self._interlock, self.port = line, interlock, line.name
         self._future = False
         self.version = (0, 0, 0)
 
@@ -217,17 +218,11 @@ class Board:
                 return
             if answer:
                 where = "" if waypoint is None else f" at waypoint {waypoint}"
-                raise MotionFailed(
-                    f"{label}: {self._interlock.name} answered {answer[:60]!r} to {command!r}{where}, and is stopped; "
-                    "look at it, then connect anew.",
-                    answer[:60],
-                    waypoint,
-                )
+                said = f"answered {answer[:60]!r} to {command!r}{where}, and is stopped; look at it, then connect anew."
+                raise self._interlock.failure(MotionFailed, label, said, answer[:60], waypoint)
             if time.monotonic() > until:
-                raise RobotDisconnected(
-                    f"{label}: {self._interlock.name} said nothing for {PATIENCE:.0f} s after {command!r}; a command "
-                    "was lost, or its board hangs. Look at it and its cable."
-                )
+                said = f"said nothing for {PATIENCE:.0f} s after {command!r}; a command was lost, or its board hangs."
+                raise self._interlock.failure(RobotDisconnected, label, f"{said} Look at it and its cable.")
 
     def wait(self, label: str = "connect", until: float | None = None) -> BoardState:
         """Returns when nothing moves and nothing is queued, with the events since.
@@ -245,17 +240,14 @@ class Board:
                 return BoardState(False, button, power_lost)
             self._interlock.heed_stop(label)
             if time.monotonic() > until:
-                raise MotionFailed(
-                    f"{label}: {self._interlock.name} did not arrive in time, and is stopped; look at it."
-                )
+                said = "did not arrive in time, and is stopped; look at it."
+                raise self._interlock.failure(MotionFailed, label, said)
             time.sleep(_POLL)
 
     def halt(self) -> None:
         """Sends ES. A lost line is ignored."""
-        try:
+        with suppress(RobotError):
             self._line.write(STOP_BYTES)
-        except RobotError:
-            return
 
     def _do(self, command: str) -> None:
         self.do(command, "connect", None, time.monotonic() + PATIENCE)
@@ -272,7 +264,8 @@ class Board:
 
     def _ask(self, question: str, *, ends: bool = True) -> str:
         """Returns the answer to a question, without its name. ends: True if legacy syntax sends an "OK" after it."""
-        answer = self._exchange(question)
+        self._line.write(question.encode("ascii") + b"\r")
+        answer = self._read(question)
         name = question.partition(",")[0]
         if self._future:
             if answer.startswith(f"{name},!") or not answer.startswith(f"{name},"):
@@ -287,26 +280,20 @@ class Board:
     def _ask_version(self) -> str:
         """Returns the answer to V, or the last line if none came in time. Late answers to others come first."""
         until = time.monotonic() + PATIENCE
-        answer = self._exchange("V")
+        self._line.write(b"V\r")
+        answer = self._read("V")
         while _VERSION.search(answer) is None and time.monotonic() < until:
             answer = self._listen() or answer
         return answer
 
-    def _exchange(self, question: str) -> str:
-        self._line.write(question.encode("ascii") + b"\r")
-        return self._read(question)
-
     def _read(self, question: str) -> str:
         until = time.monotonic() + PATIENCE
-        while True:
-            answer = self._listen()
-            if answer:
+        while time.monotonic() < until:
+            if answer := self._listen():
                 return answer
-            if time.monotonic() > until:
-                raise RobotDisconnected(
-                    f"{self._interlock.name} did not answer {question} in {PATIENCE:.0f} s; look at it and at its "
-                    "cable."
-                )
+        raise RobotDisconnected(
+            f"{self._interlock.name} did not answer {question} in {PATIENCE:.0f} s; look at it and at its cable."
+        )
 
     def _listen(self) -> str | None:
         """Returns the next line within a moment, except for packets that another program has asked for (T, CU,53)."""
@@ -322,5 +309,5 @@ class Board:
                     f"What is at {self._line.name} does not stop talking; it is no EiBotBoard. Give the plotter's port."
                 )
 
-    def _nonsense(self, question: str, answer: str) -> FridaError:
+    def _nonsense(self, question: str, answer: str) -> RobotError:
         return RobotError(f"{self._interlock.name} answered {answer[:80]!r} to {question}; look at it and its cable.")

@@ -27,6 +27,7 @@ class AnyFirmware(ABC):
     """Base of the firmwares: their zero, and what they say while nobody listens. Lengths in mm of the work coordinates.
 
     homing: True if the machine may drive to its limit switches on connection
+    alive: time (s, steady) when the machine last showed that it moves or waits
 
     Its methods raise MotionFailed, RobotDisconnected and RobotStopped.
     """
@@ -35,10 +36,10 @@ class AnyFirmware(ABC):
     """Reason for a zero that is lost without a reset."""
 
     def __init__(self, line: SerialLine, interlock: Interlock, language: Gcode, *, homing: bool) -> None:
-        self._line, self._interlock, self._language, self._homing_wanted = line, interlock, language, homing
+        self.line, self._interlock, self._language, self._homing_wanted = line, interlock, language, homing
         self._was_reset = self._zero_known = self._homes = False
         self._heard_at = time.monotonic()
-        self._alive_at = steady()
+        self.alive = steady()
         self._listens = True  # False while it reads what came when nobody listened
         self._strangers = StrangeLines()
 
@@ -61,10 +62,6 @@ class AnyFirmware(ABC):
             return ""
         return "its board was reset, and counts from 0 wherever it stands" if self._was_reset else self.untold
 
-    def alive_at(self) -> float:
-        """Returns the time (s, steady) when the machine last showed that it moves or waits."""
-        return self._alive_at
-
     def _explain_zero(self) -> Iterator[MachineFact]:
         if not self._zero_known:
             yield MachineFact(f"Its zero is to be found before it paints: {self.zero_lost}.", "warning")
@@ -76,7 +73,7 @@ class AnyFirmware(ABC):
         ramps = ", ".join(f"{axis} {gain:g}" for axis, gain in zip("xyz", gains, strict=True))
         return MachineFact(f"It moves at most: {speeds}{rates_from}, and accelerates by {ramps} mm/s2{gains_from}.")
 
-    def _lift(self, label: str) -> None:
+    def lift(self, label: str) -> None:
         """Lifts a brush that no axis lifts all the way."""
         x, y, _ = (self.position() / 1000).tolist()
         for line in self._language.lift_fully((x, y)):
@@ -94,23 +91,19 @@ class AnyFirmware(ABC):
         until, reset = time.monotonic() + FLOOD, self._was_reset
         self._listens = False
         while time.monotonic() < until and (
-            self._hear(0.02) is not None or (self._line.holds_part and self._hear(10 * SLICE) is not None)
+            self._hear(0.02) is not None or (self.line.holds_part and self._hear(10 * SLICE) is not None)
         ):
             pass
         self._listens = True
-        self._line.drop_part()  # else the next line would be taken for its end
+        self.line.drop_part()  # else the next line would be taken for its end
         if self._was_reset and not reset:
             raise self._report_reset(label, None)
 
+    def _failed(self, label: str, waypoint: int | None, verb: str, more: str, code: str) -> MotionFailed:
+        """Returns the error of a machine that VERB at a waypoint; MORE says what, and what to do."""
+        where = "" if waypoint is None else f" at waypoint {waypoint}"
+        return self._interlock.failure(MotionFailed, label, f"{verb}{where}{more}", code, waypoint)
+
     def _report_reset(self, label: str, waypoint: int | None) -> MotionFailed:
-        return MotionFailed(
-            f"{label}: {self._interlock.name} was reset{place(waypoint)}; it has forgotten where it is. Look at it, "
-            "home it, then connect anew.",
-            "reset",
-            waypoint,
-        )
-
-
-def place(waypoint: int | None) -> str:
-    """Returns " at waypoint 3" for a sentence; "" if the waypoint is not known."""
-    return "" if waypoint is None else f" at waypoint {waypoint}"
+        more = "; it has forgotten where it is. Look at it, home it, then connect anew."
+        return self._failed(label, waypoint, "was reset", more, "reset")

@@ -376,8 +376,8 @@ class FrankaRobot(Driver):
             raise MotionFailed(
                 f"{label}: the hand of {self._interlock.name} is turned by {math.degrees(angle):.0f} degrees from "
                 f"upright, and its elbow by {math.degrees(start[2]):.0f} degrees; up to "
-                f"{math.degrees(_MAX_TURNED):.0f} and {math.degrees(_MAX_BENT):.0f} are put right by itself. Guide "
-                "the arm by hand until the brush points straight down and the elbow up. It did not move."
+                f"{math.degrees(_MAX_TURNED):.0f} and {math.degrees(_MAX_BENT):.0f} are put right by itself. Guide the "
+                "arm by hand until the brush points straight down and the elbow up. It did not move."
             )
         steps = max(1, math.ceil(max(angle, abs(start[2])) / _TURNING / _PERIOD))
         share = np.linspace(0, 1, steps + 1)[1:]
@@ -625,9 +625,9 @@ class FrankaRobot(Driver):
             )
         except RobotDisconnected as silence:
             raise RobotDisconnected(
-                f"No Franka answers at {self._address} ({silence.__cause__ and one_line(silence.__cause__)}); "
-                "look whether it is on and in this computer's network, whether FCI is activated in Desk, whether "
-                "another program is connected to it, and whether the address is right."
+                f"No Franka answers at {self._address} ({silence.__cause__ and one_line(silence.__cause__)}); look "
+                "whether it is on and in this computer's network, whether FCI is activated in Desk, whether another "
+                "program is connected to it, and whether the address is right."
             ) from silence
 
     def _require_protocol(self) -> None:
@@ -680,8 +680,8 @@ class FrankaRobot(Driver):
                 said = "could not make the motion ({}); look at it, then connect anew."
                 raise self._failure(MotionFailed, label, said.format(one_line(failure))) from failure
             raise RobotDisconnected(
-                f"{label}: the connection to {self._interlock.name} is lost or was refused ({one_line(failure)}); "
-                "look at it and at its cable, activate FCI in Desk, and end other programs that use it."
+                f"{label}: the connection to {self._interlock.name} is lost or was refused ({one_line(failure)}); look "
+                "at it and at its cable, activate FCI in Desk, and end other programs that use it."
             ) from failure
 
     def _answer(self) -> Any:

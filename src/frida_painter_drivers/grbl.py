@@ -20,7 +20,7 @@ from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.interlock import PATIENCE, Interlock
 from frida_painter.hardware.robot import MachineFact
 from frida_painter.hardware.timing import AxisTiming
-from frida_painter_drivers.firmware import JOG_FEED, SLICE, AnyFirmware, Box, place
+from frida_painter_drivers.firmware import JOG_FEED, SLICE, AnyFirmware, Box
 from frida_painter_drivers.serial_line import SerialLine
 
 _HOLD, _RESET, _STATUS = b"!", b"\x18", b"?"
@@ -59,6 +59,10 @@ _ERRORS = {
     "20": "an unknown command",
     "22": "no feed",
 }
+_FAULTS = (  # beginning of a line, what the machine did, meanings of codes, and what a person does
+    ("error:", "refused a line", _ERRORS, ", then connect anew."),
+    ("ALARM:", "stopped", _ALARMS, " and clear the alarm with its own controls; this program never does."),
+)
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,10 @@ class _Told:
             return float(self.settings[name].split(" ")[0])
         except (KeyError, ValueError):
             return None
+
+    def about(self, name: str) -> str:
+        """Returns what the line [NAME:...] of $I says; "" without such a line."""
+        return next((line[len(name) + 2 :].rstrip("]") for line in self.version if line.startswith(f"[{name}:")), "")
 
     def numbers(self, first: int) -> tuple[float, float, float] | None:
         """Returns three settings of the axes; None if one is not known or not above 0."""
@@ -133,7 +141,7 @@ class Grbl(AnyFirmware):
                     f"{self._interlock.name} gave no report of its state in {_GREETING:.0f} s; is this GRBL, and at "
                     "this baud rate? After a limit switch was hit it is silent until it is reset with its own controls."
                 )
-        self._line.write(b"\n")  # ends a line that another program left half
+        self.line.write(b"\n")  # ends a line that another program left half
         quiet = time.monotonic() + _SETTLING
         while time.monotonic() < quiet and self._hear(4 * SLICE) is not None:
             pass
@@ -145,19 +153,14 @@ class Grbl(AnyFirmware):
             told.version = self._list("$I")
             told.settings = dict(line[1:].split("=", 1) for line in self._list("$$") if re.match(r"\$\d+=", line))
             told.modes = next((line[4:-1].split() for line in self._list("$G") if line.startswith("[GC:")), [])
-            told.offsets = [line for line in self._list("$#") if line.startswith(("[G5", "[G92"))]
+            told.offsets = self._list_offsets()
         self._inches = told.settings.get("13", "0").startswith("1")
         self._offset = None  # it was read before the unit was known
         if told.number("20") == 1:  # its limits are those of the machine's coordinates
-            self._learn_offset()
+            for _ in range(_MAX_REPORTS):
+                if self._offset is None:
+                    self._ask()
         self._zero_known = not self._was_reset and self._is_marked()
-
-    def _learn_offset(self) -> None:
-        """Asks until a report has the offset of the work coordinates."""
-        for _ in range(_MAX_REPORTS):
-            if self._offset is not None:
-                return
-            self._ask()
 
     def prepare(self) -> None:
         """Makes the machine ready to move: sets its modes, and homes it if that is needed and allowed."""
@@ -180,7 +183,13 @@ class Grbl(AnyFirmware):
     def facts(self) -> Iterator[MachineFact]:
         """Yields what the controller told, for a person."""
         told, servo = self._told, self._language.servo
-        yield MachineFact(f"It is {self._describe()}.")
+        buffer = [*told.about("OPT").split(","), "", ""][2]
+        told_buffer = f", with a buffer of {buffer} bytes" if buffer.isdigit() else ""
+        yield MachineFact(
+            f"It is {self._name} {self._version.replace('FluidNC ', '')}{told_buffer}."
+            if self._version
+            else "It is a machine that speaks GRBL 1.1."
+        )
         if not told.settings:
             yield MachineFact(
                 "It did not list its settings, so times are reckoned for full speed; connect while it is idle.",
@@ -191,8 +200,25 @@ class Grbl(AnyFirmware):
                               "does not.")  # fmt: skip
         if told.settings:
             yield from self._explain_zero()
-        yield from self._explain_rates()
-        yield from self._explain_motors()
+        rates, gains = told.numbers(110), told.numbers(120)
+        if rates and gains:
+            x, y, z = (rate / 60 for rate in rates)
+            yield self._explain_speeds((x, y, z), gains, " ($110 to $112)", "")
+            if min(gains) <= 10 or min(rates) <= 500:
+                yield MachineFact("These are GRBL's default limits, far below what most machines can do: everything "
+                                  "takes long. Raise $110 to $112 and $120 to $122 as your machine allows.",
+                                  "warning")  # fmt: skip
+        if (release := told.number("1")) not in (None, 255):
+            text = f"It releases its motors {release:g} ms after each motion ($1={release:g}): "
+            if self._language.sinks:
+                yield MachineFact(f"{text}the brush would sink, as its name says (sinks=yes). Set $1=255.", "refusal")
+            else:
+                yield MachineFact(
+                    f"{text}a push moves it, and a brush on an axis that does not lock itself sinks. Set $1=255.",
+                    "warning",
+                    "Its motors are off between two motions. Does the brush stay at its height then, and does nobody "
+                    "push the machine?",
+                )
         if self._inches:
             yield MachineFact("It reports inches ($13=1), which are converted.")
         if told.number("20") == 1 and (travel := told.numbers(130)):
@@ -215,45 +241,13 @@ class Grbl(AnyFirmware):
         elif not state.startswith(("Idle", "Hold")):
             yield MachineFact(f"It says {state!r}: it is not ready to move; look at it.", "warning")
 
+    @property
     def _version(self) -> str:
-        return next((line[5:].rstrip(":]") for line in self._told.version if line.startswith("[VER:")), "")
+        return self._told.about("VER").rstrip(":")
 
+    @property
     def _name(self) -> str:
-        firmware = next((line[10:-1] for line in self._told.version if line.startswith("[FIRMWARE:")), "")
-        return firmware or ("FluidNC" if "FluidNC" in self._version() else "GRBL")
-
-    def _describe(self) -> str:
-        version = self._version()
-        options = next((line[5:-1].split(",") for line in self._told.version if line.startswith("[OPT:")), [])
-        buffer = f", with a buffer of {options[2]} bytes" if len(options) > 2 and options[2].isdigit() else ""
-        if not version:
-            return "a machine that speaks GRBL 1.1"
-        return f"{self._name()} {version.replace('FluidNC ', '')}{buffer}"
-
-    def _explain_rates(self) -> Iterator[MachineFact]:
-        rates, gains = self._told.numbers(110), self._told.numbers(120)
-        if rates and gains:
-            x, y, z = (rate / 60 for rate in rates)
-            yield self._explain_speeds((x, y, z), gains, " ($110 to $112)", "")
-            if min(gains) <= 10 or min(rates) <= 500:
-                yield MachineFact("These are GRBL's default limits, far below what most machines can do: everything "
-                                  "takes long. Raise $110 to $112 and $120 to $122 as your machine allows.",
-                                  "warning")  # fmt: skip
-
-    def _explain_motors(self) -> Iterator[MachineFact]:
-        release = self._told.number("1")
-        if release is None or release == 255:
-            return
-        text = f"It releases its motors {release:g} ms after each motion ($1={release:g}): "
-        if self._language.sinks:
-            yield MachineFact(f"{text}the brush would sink, as its name says (sinks=yes). Set $1=255.", "refusal")
-        else:
-            question = (
-                "Its motors are off between two motions. Does the brush stay at its height then, and does nobody push "
-                "the machine?"
-            )
-            yield MachineFact(f"{text}a push moves it, and a brush on an axis that does not lock itself "
-                              "sinks. Set $1=255.", "warning", question)  # fmt: skip
+        return self._told.about("FIRMWARE") or ("FluidNC" if "FluidNC" in self._version else "GRBL")
 
     def _explain_servo(self) -> Iterator[MachineFact]:
         servo, told = self._language.servo, self._told
@@ -267,7 +261,7 @@ class Grbl(AnyFirmware):
                     "refusal",
                 )
         height = (servo.high[0] - servo.low[0]) / max(abs(servo.high[1] - servo.low[1]), 1e-9)
-        if most is not None and self._name() == "GRBL" and (level := 1000 * height * (most - least) / 254) > _COARSE:
+        if most is not None and self._name == "GRBL" and (level := 1000 * height * (most - least) / 254) > _COARSE:
             yield MachineFact(f"It puts out 255 levels (an 8-bit timer), so heights come in steps of {level:.2g} mm. "
                               "Set $30 to the servo's greatest value.", "warning")  # fmt: skip
         if told.number("32") == 1:
@@ -283,7 +277,7 @@ class Grbl(AnyFirmware):
         if rates is None or gains is None:
             return None
         speed, gain = [rate / 60_000 for rate in rates], [one / 1000 for one in gains]
-        tick = 0.001 if self._name() == "FluidNC" else _DWELL
+        tick = 0.001 if self._name == "FluidNC" else _DWELL
         return AxisTiming(
             (speed[0], speed[1], speed[2]),
             (gain[0], gain[1], gain[2]),
@@ -313,7 +307,7 @@ class Grbl(AnyFirmware):
         GRBL reports nothing meanwhile. In an alarm it takes no other line than this one.
         """
         if self._ask().state.startswith("Idle") and not self._language.tells_height:
-            self._lift("homing")
+            self.lift("homing")
         self._homes = True
         try:
             travel = self._told.numbers(130) or (1000.0, 1000.0, 1000.0)
@@ -332,9 +326,12 @@ class Grbl(AnyFirmware):
 
     def _mark_zero(self) -> None:
         self._was_reset, self._zero_known = False, True
-        self._told.offsets = [line for line in self._list("$#") if line.startswith(("[G5", "[G92"))]
+        self._told.offsets = self._list_offsets()
         if self._language.servo is None:
             self.send(f"S{self._mark()}", "zero", None)
+
+    def _list_offsets(self) -> list[str]:
+        return [line for line in self._list("$#") if line.startswith(("[G5", "[G92"))]
 
     def _mark(self) -> int:
         """Returns the S word that stands for these offsets of the work coordinates."""
@@ -369,11 +366,8 @@ class Grbl(AnyFirmware):
         self.send(f"G38.3 Z{lowest:.3f} F{feed:.0f}", label, None)
         self.settle(label)
         if not self._probes:
-            raise MotionFailed(
-                f"{label}: {self._interlock.name} said nothing of a probe ([PRB:...]); this firmware has none. Lower "
-                "the brush yourself.",
-                "probe",
-            )
+            said = "said nothing of a probe ([PRB:...]); this firmware has none. Lower the brush yourself."
+            raise self._interlock.failure(MotionFailed, label, said, "probe")
         height, touched = self._probes[-1]
         if not touched:
             return None
@@ -388,7 +382,7 @@ class Grbl(AnyFirmware):
         dwell = re.match(r"G4 P([\d.]+)", line)
         quiet += float(dwell[1]) if dwell else 0.0
         self._catch_up(label)
-        self._line.write(line.encode("ascii") + b"\n")
+        self.line.write(line.encode("ascii") + b"\n")
         began = self._heard_at = self._moved_at = time.monotonic()
         idle, ask_at = 0, began + _ASK_AFTER
         while True:
@@ -401,13 +395,11 @@ class Grbl(AnyFirmware):
                 waits = now < began + quiet + _ASK_AFTER
                 idle = idle + 1 if self._state.startswith("Idle") and not waits else 0
             if idle > 2:
-                raise RobotDisconnected(
-                    f"{label}: {self._interlock.name}: it is idle and has not acknowledged {line!r}. A line was lost; "
-                    "look at the cable."
-                )
+                said = f"is idle and has not acknowledged {line!r}. A line was lost; look at the cable."
+                raise self._interlock.failure(RobotDisconnected, label, said)
             self._require_alive(label, quiet)
             if now > ask_at and not self._homes:
-                self._line.write(_STATUS)
+                self.line.write(_STATUS)
                 ask_at = now + _ASK_AFTER
 
     def settle(self, label: str) -> None:
@@ -476,20 +468,20 @@ class Grbl(AnyFirmware):
     def _reset(self) -> None:
         """Resets a standing machine, which keeps its position, and notes in it that it is still known."""
         known = self._zero_known
-        self._line.write(_RESET)
+        self.line.write(_RESET)
         until = time.monotonic() + 1
         while time.monotonic() < until and not self._was_reset:
             self._hear(SLICE)
         self._was_reset, self._zero_known = False, known
         if known and self._language.servo is None:
-            self._line.write(f"S{self._mark()}\n".encode("ascii"))
+            self.line.write(f"S{self._mark()}\n".encode("ascii"))
             self._hear(4 * SLICE)
 
     # Lines that come.
 
     def _hear(self, seconds: float = SLICE) -> str | None:
         """Returns the next line that means something, without the oks that a clone says after reports."""
-        answer = self._line.read(seconds)
+        answer = self.line.read(seconds)
         if answer is None:
             return None
         self._heard_at = time.monotonic()
@@ -497,7 +489,7 @@ class Grbl(AnyFirmware):
             if self._skips_ok:  # a clone's own, after a report
                 self._skips_ok = False
                 return ""
-            self._alive_at = steady()
+            self.alive = steady()
         elif answer.startswith("<"):
             self._skips_ok = self._ok_follows_report
             self._take(self._parse_report(answer))
@@ -523,7 +515,7 @@ class Grbl(AnyFirmware):
         if moved or report.held or report.state.startswith(("Home", "Idle")):
             self._moved_at = time.monotonic()
         if moved or report.held or report.state.startswith("Home"):
-            self._alive_at = steady()
+            self.alive = steady()
 
     def _ask(self) -> _Report:
         """Requests a report and returns it. Raises RobotDisconnected if none comes."""
@@ -537,7 +529,7 @@ class Grbl(AnyFirmware):
         )
 
     def _report_within(self, seconds: float) -> _Report | None:
-        self._line.write(_STATUS)
+        self.line.write(_STATUS)
         until = time.monotonic() + seconds
         while time.monotonic() < until:
             answer = self._hear(SLICE)
@@ -557,7 +549,7 @@ class Grbl(AnyFirmware):
 
     def _list(self, question: str) -> list[str]:
         """Returns the lines that answer a question of GRBL's own, without the ok; [] if it refuses to answer."""
-        self._line.write(question.encode("ascii") + b"\n")
+        self.line.write(question.encode("ascii") + b"\n")
         found: list[str] = []
         until = time.monotonic() + 1.5
         while time.monotonic() < until:
@@ -590,43 +582,26 @@ class Grbl(AnyFirmware):
         state = self._state
         kind = state.partition(":")[0]
         meaning = _STANDING.get(state) or _STANDING.get(kind)
-        if meaning is None:
-            return
-        remedy = (
-            "clear the alarm with its own controls; this program never does"
-            if kind == "Alarm"
-            else "see that it can move, reset it with its own controls, then connect anew"
-        )
-        raise MotionFailed(
-            f"{label}: {self._interlock.name} {meaning}{place(waypoint)}; it says {state!r}. Look at it, and {remedy}.",
-            state,
-            waypoint,
-        )
+        if meaning is not None:
+            remedy = (
+                "clear the alarm with its own controls; this program never does"
+                if kind == "Alarm"
+                else "see that it can move, reset it with its own controls, then connect anew"
+            )
+            more = f"; it says {state!r}. Look at it, and {remedy}."
+            raise self._failed(label, waypoint, meaning, more, state)
 
     def _read(self, label: str, waypoint: int | None) -> str | None:
         """Returns one line of the machine, None if none came. Raises the errors that it reports."""
         resets = self._was_reset
         answer = self._hear(SLICE)
         self._interlock.heed_stop(label)
-        where = place(waypoint)
-        if answer is not None and answer.startswith("error:"):
-            code = answer.removeprefix("error:").strip()
-            meaning = f" ({_ERRORS[code]})" if code in _ERRORS else ""
-            raise MotionFailed(
-                f"{label}: {self._interlock.name} refused a line{where} with error {code}{meaning}. Look at it, then "
-                "connect anew.",
-                code,
-                waypoint,
-            )
-        if answer is not None and answer.startswith("ALARM:"):
-            code = answer.removeprefix("ALARM:").strip()
-            meaning = f" ({_ALARMS[code]})" if code in _ALARMS else ""
-            raise MotionFailed(
-                f"{label}: {self._interlock.name} stopped{where} with alarm {code}{meaning}. Look at it and clear the "
-                "alarm with its own controls; this program never does.",
-                code,
-                waypoint,
-            )
+        for start, verb, meanings, remedy in _FAULTS:
+            if answer is not None and answer.startswith(start):
+                code = answer.removeprefix(start).strip()
+                meaning = f" ({meanings[code]})" if code in meanings else ""
+                more = f" with {start[:-1].lower()} {code}{meaning}. Look at it{remedy}"
+                raise self._failed(label, waypoint, verb, more, code)
         if self._was_reset and not resets:
             raise self._report_reset(label, waypoint)
         return answer

@@ -18,7 +18,7 @@ from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.interlock import PATIENCE, Interlock
 from frida_painter.hardware.robot import MachineFact
 from frida_painter.hardware.timing import AxisTiming
-from frida_painter_drivers.firmware import JOG_FEED, SLICE, AnyFirmware, Axes, Box, place
+from frida_painter_drivers.firmware import JOG_FEED, SLICE, AnyFirmware, Axes, Box
 from frida_painter_drivers.serial_line import SerialLine
 
 _GREETING = 8.0  # seconds until a board has started
@@ -65,7 +65,7 @@ class Marlin(AnyFirmware):
                     f"{self._interlock.name} did not answer in {_GREETING:.0f} s; is this Marlin, and at this baud "
                     "rate?"
                 )
-            self._line.write(b"\nM110 N0\n")
+            self.line.write(b"\nM110 N0\n")
             heard = time.monotonic() + 1
             while (answer is None or not _is_ok(answer)) and time.monotonic() < heard:
                 answer = self._hear()
@@ -185,7 +185,7 @@ class Marlin(AnyFirmware):
         if self._language.tells_height:
             self.jog(np.array([0.0, 0.0, _CLEAR]), "homing")
         else:
-            self._lift("homing")
+            self.lift("homing")
         self._homes = True
         try:
             self.send("G28", "homing", None, quiet=_HOMING)
@@ -214,25 +214,24 @@ class Marlin(AnyFirmware):
     # Motion.
 
     def send(self, line: str, label: str, waypoint: int | None, quiet: float = _SILENT) -> None:
-        """Sends a numbered line, at most three times if it arrives damaged.
+        """Sends a numbered line.
 
         quiet: seconds for which the machine may say nothing while it obeys the line
         """
+        if any("nknown command" in answer for answer in self._exchange(line, label, waypoint, quiet)):
+            said = f"does not know {line!r}. Look at it, then connect anew."
+            raise self._interlock.failure(MotionFailed, label, said, "unknown command", waypoint)
+
+    def _exchange(self, line: str, label: str, waypoint: int | None, quiet: float) -> list[str]:
+        """Sends a numbered line, at most three times if it is damaged; returns the lines that came until its ok."""
         self._catch_up(label)
         self._number += 1
         for _ in range(_MAX_RESENDS):
-            self._line.write(_number_line(self._number, line))
+            self.line.write(_number_line(self._number, line))
             if self._await_ok(line, label, waypoint, quiet):
-                if any("nknown command" in answer for answer in self._answer):
-                    raise MotionFailed(
-                        f"{label}: {self._interlock.name} does not know {line!r}. Look at it, then connect anew.",
-                        "unknown command",
-                        waypoint,
-                    )
-                return
-        raise RobotDisconnected(
-            f"{label}: {self._interlock.name} got {line!r} damaged {_MAX_RESENDS} times; look at the cable."
-        )
+                return list(self._answer)
+        said = f"got {line!r} damaged {_MAX_RESENDS} times; look at the cable."
+        raise self._interlock.failure(RobotDisconnected, label, said)
 
     def settle(self, label: str) -> None:
         """Returns when M400 is acknowledged: everything before it is done."""
@@ -258,13 +257,7 @@ class Marlin(AnyFirmware):
 
     def _ask(self, question: str) -> list[str]:
         """Returns the lines that answer a question."""
-        self._catch_up(question)
-        self._number += 1
-        for _ in range(_MAX_RESENDS):
-            self._line.write(_number_line(self._number, question))
-            if self._await_ok(question, question, None, PATIENCE):
-                return list(self._answer)
-        raise RobotDisconnected(f"{self._interlock.name} got {question!r} damaged; look at the cable.")
+        return self._exchange(question, question, None, PATIENCE)
 
     def wants_pause(self) -> bool:
         """Returns True, once, if the machine said that it was paused at its display (//action:pause)."""
@@ -288,7 +281,7 @@ class Marlin(AnyFirmware):
     # Lines that come.
 
     def _hear(self, seconds: float = SLICE) -> str | None:
-        answer = self._line.read(seconds)
+        answer = self.line.read(seconds)
         if answer is not None:
             self._heard_at = time.monotonic()
             if answer == "start":
@@ -311,46 +304,34 @@ class Marlin(AnyFirmware):
             if not answer:
                 continue
             if _is_ok(answer):
-                self._alive_at = steady()
+                self.alive = steady()
                 self._strangers.forget()
                 self._answer.append(answer)
                 return not again
             if "busy:" in answer:
-                self._alive_at, answered_at = steady(), time.monotonic()
+                self.alive, answered_at = steady(), time.monotonic()
                 if "paused for user" in answer:
                     self._strange.append("//action:pause")
             elif answer.startswith("Resend:"):
                 wanted = answer.removeprefix("Resend:").strip()
                 if wanted != str(self._number):
-                    raise RobotDisconnected(
-                        f"{label}: {self._interlock.name} wants line {wanted[:20]} and not {self._number}; lines were "
-                        "lost. Look at the cable."
-                    )
+                    said = f"wants line {wanted[:20]} and not {self._number}; lines were lost. Look at the cable."
+                    raise self._interlock.failure(RobotDisconnected, label, said)
                 again = True
             elif answer == "start" or (answer.startswith(("Error:", "!!")) and not _is_about_a_line(answer)):
-                raise self._report_failure(answer, label, waypoint)
-            else:
-                self._note(answer)
-
-    def _note(self, answer: str) -> None:
-        """Keeps a line that may answer a question."""
-        self._answer.append(answer[:200])
-        self._strange.append(answer[:80])
-        if self._strangers.is_flood():
-            raise RobotDisconnected(
-                f"{self._interlock.name} floods the line ({answer[:40]!r}); look at the baud rate, and whether this is "
-                "the machine."
-            )
-
-    def _report_failure(self, answer: str, label: str, waypoint: int | None) -> MotionFailed:
-        if answer == "start":
-            return self._report_reset(label, waypoint)
-        told = answer.removeprefix("Error:")[:80]
-        return MotionFailed(
-            f"{label}: {self._interlock.name} failed{place(waypoint)}: {told!r}. Look at it, then connect anew.",
-            told,
-            waypoint,
-        )
+                if answer == "start":
+                    raise self._report_reset(label, waypoint)
+                told = answer.removeprefix("Error:")[:80]
+                more = f": {told!r}. Look at it, then connect anew."
+                raise self._failed(label, waypoint, "failed", more, told)
+            else:  # it may answer a question
+                self._answer.append(answer[:200])
+                self._strange.append(answer[:80])
+                if self._strangers.is_flood():
+                    raise RobotDisconnected(
+                        f"{self._interlock.name} floods the line ({answer[:40]!r}); look at the baud rate, and whether "
+                        "this is the machine."
+                    )
 
 
 def _is_ok(answer: str) -> bool:

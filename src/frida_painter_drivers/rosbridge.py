@@ -124,8 +124,8 @@ class RosbridgeConnection:
 
     def _nobody(self, why: str) -> RobotDisconnected:
         return RobotDisconnected(
-            f"No rosbridge answers at {self.host}:{self.port} ({why}); start it "
-            "(ros2 launch rosbridge_server rosbridge_websocket_launch.xml) and look at the address."
+            f"No rosbridge answers at {self.host}:{self.port} ({why}); start it (ros2 launch rosbridge_server "
+            "rosbridge_websocket_launch.xml) and look at the address."
         )
 
 

@@ -192,8 +192,8 @@ class So101Robot(Driver):
             worst = int((np.abs(joints) - LIMITS).argmax())
             raise MotionFailed(
                 f"connect: {JOINTS[worst]} of {self._interlock.name} stands at {math.degrees(joints[worst]):.0f} "
-                f"degrees and reaches {math.degrees(LIMITS[worst]):.0f}; calibrate the arm so that 2048 is the "
-                "middle of each joint, then connect anew."
+                f"degrees and reaches {math.degrees(LIMITS[worst]):.0f}; calibrate the arm so that 2048 is the middle "
+                "of each joint, then connect anew."
             )
         self._send(joints)
         for number in range(1, 6):  # one byte
@@ -209,8 +209,8 @@ class So101Robot(Driver):
             if port.is_open:
                 port.closePort()
             raise RobotDisconnected(
-                f"connect: the port {self._port_name} cannot be opened ({one_line(cause)}); look at its cable, and "
-                "end other programs that use it."
+                f"connect: the port {self._port_name} cannot be opened ({one_line(cause)}); look at its cable, and end "
+                "other programs that use it."
             ) from cause
         return port
 
@@ -273,8 +273,8 @@ class So101Robot(Driver):
             )
         off = float(np.linalg.norm(self._kinematics.jacobian(joints) * PLAY / 2))
         yield MachineFact(
-            f"Gears with a degree of play let the tip be {1000 * off:.1f} mm off here: paint with a broad brush and on "
-            "a small canvas near the arm.",
+            f"Gears with a degree of play let the tip be {1000 * off:.1f} mm off here: paint with a broad brush and "
+            "on a small canvas near the arm.",
             "warning",
         )
 

@@ -222,8 +222,8 @@ class XarmRobot(Driver):
             yield MachineFact(f"It has warning {_name(warning, self._warnings)}.", "warning")
         state = self._number("examine", "get_state")
         yield MachineFact(
-            f"Its state is {state}, {_STATES.get(state, 'which is not known here')}, and its mode {arm.mode}"
-            f"{'' if arm.mode == 0 else ': another program uses it'}.",
+            f"Its state is {state}, {_STATES.get(state, 'which is not known here')}, and its mode "
+            f"{arm.mode}{'' if arm.mode == 0 else ': another program uses it'}.",
             "fact" if arm.mode == 0 else "warning",
         )
         weight, sensitivity = arm.tcp_load[0], arm.collision_sensitivity
@@ -252,8 +252,8 @@ class XarmRobot(Driver):
             socket.create_connection((self._address, XCONF.SocketConf.TCP_CONTROL_PORT), timeout=PATIENCE).close()
         except OSError as cause:
             raise RobotDisconnected(
-                f"No xArm answers at {self._address} ({cause.strerror or cause}); look whether its control box "
-                "is on and in this computer's network, and whether the address is right."
+                f"No xArm answers at {self._address} ({cause.strerror or cause}); look whether its control box is on "
+                "and in this computer's network, and whether the address is right."
             ) from cause
         return partial(XArmAPI, self._address, is_radian=False, do_not_open=True, **_SDK)
 

@@ -17,9 +17,10 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.event_log import EventLog
+from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.journal import History
-from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings
+from frida_painter_drivers.gcode import GcodeRobot
 from killing import kill_when
 from machines.grbl import GRBL, GRBLHAL, QUICK, GrblController
 from machines.simulated_time import Living
@@ -106,7 +107,7 @@ class Grbl(Living):
 
     def __enter__(self) -> "Grbl":
         super().__enter__()
-        robot = GcodeRobot(GcodeSettings(self.name, (0.0, 0.0, 0.25)))
+        robot = GcodeRobot(self.name, (0.0, 0.0, 0.25), Gcode())
         robot.connect()
         robot.set_zero(STANDS / 1000)
         robot.close()

@@ -34,13 +34,13 @@ def test_each_machine_is_built_as_it_is_named(workcell: WorkcellConfig) -> None:
     xarm = make_robot("xarm:192.168.1.10, brush_length=0.12", workcell.workspace)
     assert isinstance(xarm, XarmRobot)
     assert (xarm.settings.address, xarm.settings.brush_length) == ("192.168.1.10", 0.12)
-    assert xarm.settings.home == workcell.workspace.home
+    assert xarm.resting == workcell.workspace.home
     grbl = make_robot("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", workcell.workspace)
     assert isinstance(grbl, GcodeRobot)
-    assert grbl.settings.homing and grbl.settings.gcode.flavour == "grbl"
-    assert grbl.settings.gcode.servo is not None and grbl.settings.gcode.servo.high == (0.01, 900)
+    assert grbl.homing and grbl.gcode.flavour == "grbl"
+    assert grbl.gcode.servo is not None and grbl.gcode.servo.high == (0.01, 900)
     marlin = make_robot("marlin:/dev/ttyACM0,baud=250000", workcell.workspace)
-    assert isinstance(marlin, GcodeRobot) and marlin.settings.baud == 250_000
+    assert isinstance(marlin, GcodeRobot) and marlin._baud == 250_000
     assert isinstance(make_robot("axidraw", workcell.workspace), AxidrawRobot)
     ros = make_robot("rosbridge:10.0.0.2:9091,namespace=/left/brush", workcell.workspace)
     assert isinstance(ros, RosRobot)

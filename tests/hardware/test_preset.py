@@ -42,7 +42,7 @@ def test_a_preset_opens_its_driver_in_the_workspace_that_it_proposes(name):
     workspace = Layout.propose(preset).workcell().workspace
     name = preset.robot_name("10.0.0.9" if preset.connection == "network" else "/dev/x")
     robot = kind.open(MachineName.of(name), workspace)
-    assert robot.settings.home == workspace.home
+    assert robot.resting == workspace.home
 
 
 @pytest.mark.parametrize(("name", "package"), [("so101", "mink"), ("franka", "franky")])

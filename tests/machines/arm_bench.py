@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 
 from frida_painter.hardware.robot import MotionReport, Waypoints
-from frida_painter_drivers.franka import FrankaRobot
-from frida_painter_drivers.franka import FrankaReach
+from frida_painter_drivers.franka import FrankaReach, FrankaRobot
 from frida_painter_drivers.rosbridge import RosbridgeConnection, RosRobot
 from frida_painter_drivers.so101 import So101Kinematics, So101Robot
 from frida_painter_drivers.xarm import XarmRobot
@@ -487,9 +486,7 @@ def so101_bench(clock: SimulatedTime, monkeypatch: pytest.MonkeyPatch) -> So101B
     """Returns the bench of an SO-101 whose tip stands at FOUND."""
     bus, cable = so101_bus(clock, monkeypatch, FOUND @ PlacedSo101.turn.T + PlacedSo101.origin)
     bus.lose_every = 37
-    bench = So101Bench(
-        clock, bus, cable, lambda port: PlacedSo101(port, HOME, brush_length=sts_bus.BRUSH)
-    )
+    bench = So101Bench(clock, bus, cable, lambda port: PlacedSo101(port, HOME, brush_length=sts_bus.BRUSH))
     bench.lacks = {
         "zero": _ENCODERS,
         "lose a line": "its servos acknowledge no goals; here one of 37 is lost all the time",

@@ -12,7 +12,7 @@ import numpy as np
 
 from frida_painter.hardware.gcode import Gcode, Servo
 from frida_painter.hardware.robot import Waypoints
-from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings
+from frida_painter_drivers.gcode import GcodeRobot
 from machines.grbl import GrblController, Kind
 from machines.marlin import Build, MarlinController
 from machines.simulated_time import Cable, Controller, SimulatedTime
@@ -180,7 +180,7 @@ def serial_bench(clock: SimulatedTime, controller: Controller, language: Gcode, 
         clock,
         controller,
         cable,
-        lambda port: GcodeRobot(GcodeSettings(port, (0.0, 0.0, 0.05), gcode=language, **settings)),
+        lambda port: GcodeRobot(port, (0.0, 0.0, 0.05), gcode=language, **settings),
         servo=language.servo,
     )
 
@@ -203,7 +203,7 @@ def marlin_bench(clock: SimulatedTime, build: Build, servo: Servo | None = None)
 
 def tell_zero(language: Gcode, port: str, tip: tuple[float, float, float]) -> None:
     """Tells a machine where its tip stands, as a person does once after it was switched on; it knows that then."""
-    robot = GcodeRobot(GcodeSettings(port, tip, gcode=language))
+    robot = GcodeRobot(port, tip, gcode=language)
     robot.connect()
     robot.set_zero(np.array(tip))
     robot.close()

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from frida_painter.hardware.gcode import Gcode, Servo
-from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings
+from frida_painter_drivers.gcode import GcodeRobot
 from machines.bench import SerialBench
 from machines.simulated_time import Cable, SimulatedTime
 
@@ -242,7 +242,7 @@ def real_grbl(
         clock,
         controller,
         cable,
-        lambda port: GcodeRobot(GcodeSettings(port, (0.0, 0.0, 0.05), gcode=language)),
+        lambda port: GcodeRobot(port, (0.0, 0.0, 0.05), gcode=language),
         servo=servo,
     )
 
@@ -284,7 +284,7 @@ def real_marlin(
         clock,
         controller,
         cable,
-        lambda port: GcodeRobot(GcodeSettings(port, (0.0, 0.0, 0.05), gcode=language)),
+        lambda port: GcodeRobot(port, (0.0, 0.0, 0.05), gcode=language),
         servo=servo,
         exact=1.5e-5,
         lacks={"pause button": "it has none"},

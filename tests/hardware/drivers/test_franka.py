@@ -23,8 +23,7 @@ from frida_painter.hardware import interlock
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
 from frida_painter_drivers import franka
-from frida_painter_drivers.franka import FrankaRobot
-from frida_painter_drivers.franka import FrankaReach, resume_path
+from frida_painter_drivers.franka import FrankaReach, FrankaRobot, resume_path
 from machines.franky_arm import BRUSH, HEIGHT, TABLE_AT, FrankyArm, tip_positions
 
 HOME = (0.4, 0.0, 0.3)

@@ -11,7 +11,7 @@ from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, R
 from frida_painter.hardware.gcode import Gcode, Servo
 from frida_painter.hardware.robot import Waypoints
 from frida_painter_drivers import serial_line
-from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings
+from frida_painter_drivers.gcode import GcodeRobot
 from machines import grbl, marlin
 from machines.bench import FOUND, SERVO_GRBL, SERVO_MARLIN, SerialBench, grbl_bench, marlin_bench, serial_bench
 from machines.paths import a_stroke
@@ -365,7 +365,7 @@ def test_a_port_that_does_not_exist_lists_those_that_do(monkeypatch: pytest.Monk
         device, description = "/dev/ttyUSB3", "USB Serial"
 
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port()])
-    robot = GcodeRobot(GcodeSettings("/dev/ttyNOPE", (0.0, 0.0, 0.05)))
+    robot = GcodeRobot("/dev/ttyNOPE", (0.0, 0.0, 0.05), Gcode())
     with pytest.raises(RobotDisconnected, match=r"'/dev/ttyNOPE' cannot be opened .* There are: /dev/ttyUSB3 \(USB"):
         robot.connect()
     monkeypatch.setattr("serial.tools.list_ports.comports", list)
@@ -384,11 +384,11 @@ def test_a_port_that_the_user_may_not_use_or_that_brltty_took_says_what_to_do(
 
     monkeypatch.setattr("serial.Serial", refuse)
     with pytest.raises(RobotDisconnected, match=r"may not use it: run `sudo usermod -aG \S+ \$USER`, log out and in"):
-        GcodeRobot(GcodeSettings(str(tmp_path / "ttyUSB0"), (0.0, 0.0, 0.05))).connect()
+        GcodeRobot(str(tmp_path / "ttyUSB0"), (0.0, 0.0, 0.05), Gcode()).connect()
     monkeypatch.undo()
     monkeypatch.setattr(serial_line, "_is_taken_by_brltty", lambda: True)
     with pytest.raises(RobotDisconnected, match="takes CH340 adapters for Braille displays: remove it"):
-        GcodeRobot(GcodeSettings(str(tmp_path / "ttyUSB0"), (0.0, 0.0, 0.05))).connect()
+        GcodeRobot(str(tmp_path / "ttyUSB0"), (0.0, 0.0, 0.05), Gcode()).connect()
 
 
 @pytest.mark.parametrize("speed", [0.0, -1.0, math.nan, math.inf])

@@ -9,7 +9,7 @@ from frida_painter.errors import MotionFailed
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.own_gcode import OwnGcode
 from frida_painter.hardware.robot import Waypoints
-from frida_painter_drivers.gcode import GcodeRobot, GcodeSettings, GrblRobot
+from frida_painter_drivers.gcode import GcodeRobot, GrblRobot
 from frida_painter_drivers.grbl import Grbl
 from machines.grbl import GRBL, QUICK, GrblController
 from machines.marlin import PLAIN, MarlinController
@@ -21,7 +21,7 @@ HOME = (0.0, 0.0, 0.05)
 
 def at_home(clock: SimulatedTime, machine: Any, kind: type[GcodeRobot], language: Gcode) -> GcodeRobot:
     """A connected driver; the machine stood at `HOME` when it was switched on."""
-    robot = kind(GcodeSettings(clock.attach(machine).name, HOME, gcode=language))
+    robot = kind(clock.attach(machine).name, HOME, gcode=language)
     robot.connect()
     robot.set_zero(np.array(HOME))
     return robot
