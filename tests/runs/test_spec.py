@@ -64,7 +64,7 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"brushes": "broad,fine", "strokes": 1}, "2 layers for 1 stroke; give at most as many brushes"),
         ({"brushes": "broad", "brush": "fine"}, "give --brushes alone"),
         ({"colour": 3}, "'colour' is not a setting; near it is colors"),
-        ({"qqq": 3}, "'qqq' is not a setting; there are arm_meshes, avoid, beginning, brushes, calibration, camera"),
+        ({"qqq": 3}, "'qqq' is not a setting; there are avoid, beginning, brushes, calibration, camera"),
         ({"strokes": 5, "layers": 6}, "6 layers for 5 strokes; give at most as many layers as strokes"),
         ({"layers": 0}, "--layers was given 0; it is a whole number from 1 to 8"),
         (
@@ -167,7 +167,7 @@ def test_settings_of_another_version_are_refused(tmp_path: Path) -> None:
     old = {
         "strokes": 10, "colors": 3, "canvas": "120x90mm", "brush": "fine", "render_height": 64, "replans": 1,
         "effort": 0.05, "seed": 0, "clip": None, "calibration": None, "placement_error": None, "film": True,
-        "arm_meshes": None, "robot": "virtual", "camera": "", "workspace": None,
+        "robot": "virtual", "camera": "", "workspace": None,
     }  # fmt: skip
     (tmp_path / "settings.json").write_text(json.dumps({**old, "version": 1}))
     spec = RunSpec.read(tmp_path / "settings.json")

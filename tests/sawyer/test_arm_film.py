@@ -12,7 +12,7 @@ from virtual.hand import Hand
 
 pytest.importorskip("mink")
 from frida_painter_drivers.sawyer.arm_film import ArmFilm, ArmView
-from frida_painter_drivers.sawyer.surroundings import CANVAS_PIXELS, Surroundings
+from frida_painter_drivers.sawyer.surroundings import CANVAS_PIXELS, make_model
 
 CANVAS = CanvasSize(0.2, 0.15)
 
@@ -25,9 +25,9 @@ def hand():
 @pytest.fixture(scope="module")
 def drawn(hand):
     """A function from a canvas's grey value to a small picture of the arm."""
-    model = Surroundings(hand.easel.workspace, CANVAS).model()
+    model = make_model(hand.easel.workspace, CANVAS)
     try:
-        view = ArmView(model, 90, 160).__enter__()
+        view = ArmView(model, 90, 160)
     except ConfigError as cause:
         pytest.skip(f"no OpenGL draws here: {cause}")
 
@@ -40,7 +40,7 @@ def drawn(hand):
         return view.draw(angles).copy()
 
     yield draw
-    view.__exit__(None, None, None)
+    view.close()
 
 
 def test_the_painting_lies_before_the_arm(drawn):
@@ -69,7 +69,7 @@ def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp
     path = tmp_path / "arm.mp4"
     plain = Hand([0.05, 0.1, 0.7], canvas=CANVAS, arm="sawyer", noise=None)
     filmed = Hand([0.05, 0.1, 0.7], canvas=CANVAS, arm="sawyer", noise=None)
-    film = ArmFilm(path, Surroundings(filmed.easel.workspace, CANVAS), filmed.studio.table)
+    film = ArmFilm(path, filmed.easel.workspace, CANVAS, filmed.studio.table)
     filmed.studio.robot.watcher = film
     film.open()
     for one in (plain, filmed):
@@ -86,7 +86,7 @@ def test_a_film_shows_every_motion_and_the_arm_does_not_feel_it(drawn, hand, tmp
 
 def test_without_opengl_the_film_is_missing_and_nothing_else(hand, tmp_path, monkeypatch):
     monkeypatch.setattr("frida_painter_drivers.sawyer.arm_film.headless_opengl", lambda: None)
-    film = ArmFilm(tmp_path / "arm.mp4", Surroundings(hand.easel.workspace, CANVAS), hand.studio.table)
+    film = ArmFilm(tmp_path / "arm.mp4", hand.easel.workspace, CANVAS, hand.studio.table)
     hand.studio.robot.watcher = film
     film.open()
     hand.easel.robot.home()

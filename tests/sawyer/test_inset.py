@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter_drivers.sawyer.arm_film import Inset
+from frida_painter_drivers.sawyer.arm_film import hang_inset
 
 RED, BLUE, SCENE = (200, 20, 20), (20, 20, 200), 120
 
@@ -12,7 +12,7 @@ def test_the_whole_canvas_hangs_upright_in_the_upper_right_corner(canvas):
     painting = np.empty((64, 64, 3), np.uint8)
     painting[:32], painting[32:] = RED, BLUE  # the lower half, and the upper one
     pixels = np.full((540, 960, 3), SCENE, np.uint8)
-    Inset(canvas, 540, 960).hang(painting, pixels)
+    hang_inset(canvas, painting, pixels)
     red, blue = (np.argwhere((pixels == color).all(-1)) for color in (RED, BLUE))
     assert blue[:, 0].max() < red[:, 0].min()
     seen = np.concatenate([red, blue])

@@ -11,7 +11,7 @@ from frida_painter.virtual.tabletop import sawyer_layout
 
 pytest.importorskip("mink")
 from frida_painter_drivers.sawyer.body import Kinematics
-from frida_painter_drivers.sawyer.surroundings import Surroundings
+from frida_painter_drivers.sawyer.surroundings import make_model
 
 CANVAS = CanvasSize(14 * 0.0254, 11 * 0.0254)
 LAYOUT = sawyer_layout(CANVAS, find_brush("broad"))
@@ -19,7 +19,7 @@ LAYOUT = sawyer_layout(CANVAS, find_brush("broad"))
 
 @pytest.fixture(scope="module")
 def kinematics():
-    return Kinematics(Surroundings(LAYOUT.workspace, CANVAS).model())
+    return Kinematics(make_model(LAYOUT.workspace, CANVAS))
 
 
 def test_the_description_is_the_published_arm(kinematics):
@@ -43,7 +43,8 @@ def test_a_posture_puts_the_tip_there_with_the_brush_upright_and_always_the_same
     lower, upper = kinematics.model.jnt_range.T
     assert ((lower <= angles) & (angles <= upper)).all()
     elsewhere = kinematics.posture(np.array([0.5, 0.0, 0.1]))
-    np.testing.assert_allclose(kinematics.posture(place, elsewhere), angles, atol=1e-3)
+    from_there = kinematics.follow(np.tile(place, (60, 1)), elsewhere, threading.Event())[-1]
+    np.testing.assert_allclose(from_there, angles, atol=1e-3)
 
 
 def test_following_a_way_keeps_to_it(kinematics):

@@ -41,7 +41,6 @@ class EaselKind:
     person: True if a person paints by hand
     needed: what must be installed for it
     load: loads and compiles its computations, before the order is known
-    require: raises ConfigError for an invalid order, before a process starts for it
     why_no_film: returns the reason why its arm cannot be filmed, None if it can
     reach_from: returns reach and timing of its arm in a workspace whose origin is the arm's foot
 
@@ -55,7 +54,6 @@ class EaselKind:
     person: bool = False
     needed: Needed | None = None
     load: Callable[[], None] = lambda: None
-    require: "Callable[[EaselOrder], None] | None" = None
     why_no_film: Callable[[], str | None] | None = None
     reach_from: "Callable[[Workspace, CanvasSize], tuple[Reach, Timing]] | None" = None
 

@@ -30,7 +30,6 @@ class EaselOrder:
     workspace: file of a real easel
     camera: name of a real easel's camera
     film: True if a simulated arm is filmed at work, into `folder`
-    meshes: folder of the shapes that the film shows; None for the arm's own
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -48,7 +47,6 @@ class EaselOrder:
     workspace: Path | None = None
     camera: str = ""
     film: bool = False
-    meshes: Path | None = None
 
     def record(self) -> dict[str, Any]:
         """Returns the order as plain values."""

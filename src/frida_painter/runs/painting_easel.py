@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import easel_kind, state_folder
+from frida_painter.easel.kinds import state_folder
 from frida_painter.easel.operator import PersonAsOperator
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError
@@ -24,11 +24,9 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
 
     brushes: brush names; the first brush is in the holder.
     state: folder for latched stops and robot locks. None: one default place for all.
-    Raises ConfigError if the folder of --arm-meshes holds no arm.
     """
     error = millimetres_and_degrees(spec.placement_error)
-    kind = easel_kind(spec.robot)
-    ordered = EaselOrder(
+    return EaselOrder(
         robot=spec.robot,
         canvas=spec.canvas,
         brushes=tuple(brushes),
@@ -41,11 +39,7 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
         camera=spec.camera,
         film=spec.films_arm,
         canvas_picture=None if spec.studio_canvas is None else spec.studio_canvas.absolute(),
-        meshes=None if spec.arm_meshes is None else spec.arm_meshes.absolute(),
     )
-    if kind is not None and kind.require is not None:
-        kind.require(ordered)
-    return ordered
 
 
 def needed_calibrations(spec: RunSpec) -> tuple[str, ...]:

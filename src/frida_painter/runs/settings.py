@@ -237,8 +237,6 @@ class MachineSettings(SettingSection):
     pace: float = setting(0.0, ge=0, le=100)
     """Seconds that a second of the virtual robot takes. 1 is real time, 0.1 ten times as fast, 0 as fast as
     possible."""
-    arm_meshes: File = setting(None, value="FOLDER", usual="built-in capsules")
-    """A folder with meshes of the Sawyer arm (OBJ or STL), for the film of the arm."""
     on_canvas: bool = setting(False)
     """Begin on the canvas as it is: a toned ground, an old painting, or what you have painted. The light is known
     from the canvas calibration, which saw a bare canvas."""

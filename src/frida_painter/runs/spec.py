@@ -48,6 +48,7 @@ FORMER = {
     "phrases": "{}",
     "initialiser": "growth",
     "listener": None,
+    "arm_meshes": None,
 }
 """Settings of 0.3 that are fixed now, each with the value that it is fixed at."""
 
@@ -120,8 +121,6 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
                 f"--minutes is {self.minutes:g}, and between {self._dryings + 1} layers paint dries for "
                 f"{self._dryings * self.drying:g} minutes; give more minutes, fewer brushes or --layers, or less drying"
             )
-        if self.arm_meshes is not None and self.robot != SAWYER_SIM:
-            raise ValueError(f"--arm-meshes is for the film of --robot {SAWYER_SIM}; leave it out")
         return self
 
     def _require_words(self) -> None:

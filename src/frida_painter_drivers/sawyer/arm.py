@@ -2,6 +2,7 @@
 
 import threading
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,12 +42,10 @@ class SawyerArm:
 
     def connect(self, tip: NDArray[np.float64]) -> None:
         """Builds the arm with its tip at a position [3], metres. Raises RobotError if MuJoCo is not installed."""
-        with registry.importing("mujoco", "The simulated Sawyer", RobotError):
-            from frida_painter_drivers.sawyer.body import Kinematics, SimulatedArm
-            from frida_painter_drivers.sawyer.surroundings import Surroundings
-        model = Surroundings(self._workspace, self._canvas).model()
-        self._kinematics = Kinematics(model)
-        self._body = SimulatedArm(model, self._kinematics.posture(tip), self._seed)
+        self._kinematics = load_kinematics(self._workspace, self._canvas)
+        from frida_painter_drivers.sawyer.body import SimulatedArm
+
+        self._body = SimulatedArm(self._kinematics.model, self._kinematics.posture(tip), self._seed)
         if self._remembered:
             self._body.restore(self._remembered)
 
@@ -59,7 +58,9 @@ class SawyerArm:
         Raises WorkspaceViolation before it moves, if the arm does not reach a waypoint, would have to turn a joint
         too fast, or would touch itself or the table. Raises RobotError if it is not connected.
         """
-        body, kinematics = self._alive(way.label)
+        body, kinematics = self._body, self._kinematics
+        if body is None or kinematics is None:
+            raise RobotError(f"{way.label}: the simulated Sawyer is not connected; call connect() first.")
         places = TIMING.places(way.path, way.speeds())
         if len(places) == 1:
             return Course(body.tip[None], 0.0)  # it is there already
@@ -90,10 +91,13 @@ class SawyerArm:
         self._remembered = self.state()
         self._body = self._kinematics = None
 
-    def _alive(self, label: str) -> "tuple[SimulatedArm, Kinematics]":
-        if self._body is None or self._kinematics is None:
-            raise RobotError(f"{label}: the simulated Sawyer is not connected; call connect() first.")
-        return self._body, self._kinematics
+
+def load_kinematics(workspace: Workspace, canvas: CanvasSize) -> "Kinematics":
+    """Returns the kinematics of the arm in its surroundings. Raises RobotError if MuJoCo is not installed."""
+    with registry.importing("mujoco", "The simulated Sawyer", RobotError):
+        from frida_painter_drivers.sawyer.body import Kinematics
+        from frida_painter_drivers.sawyer.surroundings import make_model
+    return Kinematics(make_model(workspace, canvas))
 
 
 # Reach of the simulated Sawyer, checked before anything moves.
@@ -110,30 +114,23 @@ class SawyerReach:
 
     def __init__(self, workspace: Workspace, canvas: CanvasSize) -> None:
         self._workspace, self._canvas = workspace, canvas
-        self._kinematics: Kinematics | None = None
         self._answers: dict[tuple[int, ...], bool] = {}
+
+    @cached_property
+    def _kinematics(self) -> "Kinematics":
+        return load_kinematics(self._workspace, self._canvas)
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each reachable position [k, 3] (m): [k]. Raises RobotError if MuJoCo is not installed."""
         if not np.isfinite(position).all():
             return np.isfinite(position).all(1) & self.reachable(np.nan_to_num(position, posinf=0.0, neginf=0.0))
         cubes = np.round(position / _CUBE).astype(int)
-        return np.array([self._answer((*cube.tolist(),)) for cube in cubes], bool)
-
-    def _answer(self, cube: tuple[int, ...]) -> bool:
-        if cube not in self._answers:
-            place, kinematics = np.array(cube) * _CUBE, self._load_kinematics()
-            angles = kinematics.posture(place)
-            self._answers[cube] = kinematics.hindrance(angles[None], place[None], 1.0) is None
-        return self._answers[cube]
-
-    def _load_kinematics(self) -> "Kinematics":
-        if self._kinematics is None:
-            with registry.importing("mujoco", "The simulated Sawyer", RobotError):
-                from frida_painter_drivers.sawyer.body import Kinematics
-                from frida_painter_drivers.sawyer.surroundings import Surroundings
-            self._kinematics = Kinematics(Surroundings(self._workspace, self._canvas).model())
-        return self._kinematics
+        for cube in np.unique(cubes, axis=0):
+            if (key := tuple(cube.tolist())) not in self._answers:
+                place = cube * _CUBE
+                angles = self._kinematics.posture(place)
+                self._answers[key] = self._kinematics.hindrance(angles[None], place[None], 1.0) is None
+        return np.array([self._answers[tuple(cube)] for cube in cubes.tolist()], bool)
 
 
 # The Sawyer as an arm of the virtual studio.

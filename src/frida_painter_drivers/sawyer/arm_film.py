@@ -12,11 +12,9 @@ import queue
 import sys
 import threading
 import time
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, closing
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import NamedTuple
 
 import cv2
 import mujoco
@@ -26,11 +24,12 @@ from numpy.typing import NDArray
 from frida_painter import video
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError
+from frida_painter.hardware.robot import Workspace
 from frida_painter.video import RATE, VideoEncoder
 from frida_painter.virtual.paint import BANDS, to_srgb
 from frida_painter.virtual.robot import Course
 from frida_painter.virtual.tabletop import Table
-from frida_painter_drivers.sawyer.surroundings import CANVAS, CANVAS_PIXELS, Surroundings, fill, paper
+from frida_painter_drivers.sawyer.surroundings import CANVAS, CANVAS_PIXELS, fill, make_model, paper
 
 # OpenGL without a screen: the available kind, and what to install if there is none.
 
@@ -58,14 +57,13 @@ def headless_opengl() -> str | None:
 # View of the arm from across the table, drawn without a screen.
 
 Picture = NDArray[np.uint8]
-Color = NDArray[np.float64]
 
 _MAX_THINGS = 1000
 _DISTANCE, _ELEVATION, _AZIMUTH, _OPENING = 1.80, -31.0, 161.0, 37.0
 
 
 class ArmView:
-    """Renderer of the arm and its table. Used in a `with` block, only in the thread that opened it.
+    """Renderer of the arm and its table, used only in the thread that opened it.
 
     model: arm in its surroundings
     rows, columns: size of the pictures
@@ -74,23 +72,16 @@ class ArmView:
     """
 
     def __init__(self, model: mujoco.MjModel, rows: int, columns: int) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
-        self._rectangle = mujoco.MjrRect(0, 0, columns, rows)
-        self._pixels = np.empty((rows, columns, 3), np.uint8)
-        self._open = ExitStack()
-        self._drawing: Any = None
-
-    def __enter__(self) -> Self:
         kind = headless_opengl()
         if kind is None:
             raise ConfigError(NONE)
-        model = self._model
+        self._model, self._data = model, mujoco.MjData(model)
+        self._rectangle = mujoco.MjrRect(0, 0, columns, rows)
+        self._pixels = np.empty((rows, columns, 3), np.uint8)
         model.vis.global_.fovy = _OPENING
         with ExitStack() as stack:
             try:
-                context = importlib.import_module(f"mujoco.{kind}").GLContext(
-                    self._rectangle.width, self._rectangle.height
-                )
+                context = importlib.import_module(f"mujoco.{kind}").GLContext(columns, rows)
                 stack.callback(context.free)
                 context.make_current()
                 self._drawing = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
@@ -98,24 +89,18 @@ class ArmView:
                 raise ConfigError(f"{NONE} ({cause})") from cause
             stack.callback(self._drawing.free)
             mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._drawing)
-            self._open = stack.pop_all()
+            self.close = stack.pop_all().close
         self._scene = mujoco.MjvScene(model, maxgeom=_MAX_THINGS)
         self._scene.flags[mujoco.mjtRndFlag.mjRND_FOG] = True
         self._camera = mujoco.MjvCamera()
         self._camera.lookat[:] = (0.40, 0.19, 0.235)
         self._camera.distance, self._camera.elevation, self._camera.azimuth = _DISTANCE, _ELEVATION, _AZIMUTH
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._open.close()
 
     def lay_canvas(self, picture: Picture) -> None:
         """Shows a picture [n, n, 3] on the canvas, n = CANVAS_PIXELS, with its first row at the lower edge."""
         mujoco.mjr_uploadTexture(self._model, self._drawing, paper(self._model, CANVAS, picture))
 
-    def tint(self, thing: str, color: Color) -> None:
+    def tint(self, thing: str, color: NDArray[np.float64]) -> None:
         """Gives a named object (such as "well 3" or "bristles") a colour, sRGB [3] in [0, 1]."""
         number = self._model.geom(thing).id
         self._model.geom_rgba[number, :3] = color
@@ -196,38 +181,32 @@ class Reel:
 
 # Inset: the painting seen from the front, in a corner of the film, with nothing in front of it.
 
-InsetPicture = NDArray[np.uint8]
-
 _LARGEST = 0.30  # of the film's columns
 _MARGIN = 0.035
-_MOUNT, _EDGE = 250, 190  # grey
 _BORDER, _SHADOW = 7, 4  # pixels
 _SHADE = 0.88
 
 
-class Inset:
-    """Inset of the canvas in the upper right corner of pictures [rows, columns, 3]."""
+def hang_inset(size: CanvasSize, canvas: Picture, pixels: Picture) -> None:
+    """Draws the canvas into the upper right corner of a picture [rows, columns, 3].
 
-    def __init__(self, canvas: CanvasSize, rows: int, columns: int) -> None:
-        most = _LARGEST * columns
-        scale = most / max(canvas.width, canvas.height)
-        self._width, self._height = round(canvas.width * scale), round(canvas.height * scale)
-        margin = round(_MARGIN * columns) + _BORDER
-        self._left, self._top = columns - margin - self._width, margin
+    canvas: [n, n, 3], with its first row at the lower edge
+    """
+    scale = _LARGEST * pixels.shape[1] / max(size.width, size.height)
+    width, height = round(size.width * scale), round(size.height * scale)
+    top = round(_MARGIN * pixels.shape[1]) + _BORDER
+    left = pixels.shape[1] - top - width
 
-    def hang(self, canvas: InsetPicture, pixels: InsetPicture) -> None:
-        """Draws the canvas [n, n, 3], with its first row at the lower edge, into the picture."""
-        picture = cv2.resize(canvas[::-1], (self._width, self._height), interpolation=cv2.INTER_AREA)
-        shadow = self._around(pixels, _BORDER + 1, _SHADOW)
-        shadow[:] = (shadow * _SHADE).astype(np.uint8)
-        self._around(pixels, _BORDER + 1)[:] = _EDGE
-        self._around(pixels, _BORDER)[:] = _MOUNT
-        self._around(pixels, 0)[:] = picture
+    def around(border: int, shift: int = 0) -> Picture:
+        """Returns the part of the picture with the canvas and a border of pixels, shifted down and right."""
+        first, second = top - border + shift, left - border + shift
+        return pixels[first : first + height + 2 * border, second : second + width + 2 * border]
 
-    def _around(self, pixels: InsetPicture, border: int, shift: int = 0) -> InsetPicture:
-        """Returns the part of the picture with the canvas and a border of `border` pixels, shifted down and right."""
-        top, left = self._top - border + shift, self._left - border + shift
-        return pixels[top : top + self._height + 2 * border, left : left + self._width + 2 * border]
+    shadow = around(_BORDER + 1, _SHADOW)
+    shadow[:] = (shadow * _SHADE).astype(np.uint8)
+    around(_BORDER + 1)[:] = 190  # its edge, grey
+    around(_BORDER)[:] = 250  # its mount
+    around(0)[:] = cv2.resize(canvas[::-1], (width, height), interpolation=cv2.INTER_AREA)
 
 
 _ROWS, _COLUMNS = 540, 960
@@ -237,11 +216,9 @@ _WAITING = 4  # greatest number of pictures that wait to be drawn
 _HELD_UP = 6.0  # factor by which pictures may delay a motion; further pictures are left out
 _CLEAN = np.array([0.78, 0.66, 0.48])  # sRGB of bristles without paint
 _DRY = 0.5  # microlitres; a brush with less looks clean
-_MM = 1000.0
 
 
-@dataclass(frozen=True)
-class FilmMoment:
+class FilmMoment(NamedTuple):
     """Content of one picture.
 
     angles: of the joints [7]
@@ -259,16 +236,14 @@ class ArmFilm:
     """Film of an arm: `open` before it moves, `watch` its motions, `close`. Failures never stop the arm.
 
     path: of the film; an earlier film there is continued
-    surroundings, table: of the arm
+    workspace, canvas, table: of the arm
 
     The film exists after `close` if there was OpenGL, disk space and a motion to see.
-    Raises ConfigError if the arm's meshes cannot be used.
     """
 
-    def __init__(self, path: Path, surroundings: Surroundings, table: Table) -> None:
-        self._path, self._table = path, table
-        self._model = surroundings.model()
-        self._inset = Inset(surroundings.canvas, _ROWS, _COLUMNS)
+    def __init__(self, path: Path, workspace: Workspace, canvas: CanvasSize, table: Table) -> None:
+        self._path, self._size, self._table = path, canvas, table
+        self._model = make_model(workspace, canvas)
         self._moments: queue.Queue[FilmMoment | None] = queue.Queue(_WAITING)
         self._now, self._next, self._count = 0.0, 0.0, 0
         self._canvas = self._look()
@@ -295,7 +270,7 @@ class ArmFilm:
         while self._next <= self._now and not self._over.is_set():
             index = min(len(course.angles) - 1, round((self._next - began) / period)) if period else 0
             canvas = self._in_between(before, self._canvas, course.places[: index + 1])
-            self._hand_over(FilmMoment(course.angles[index], canvas, self._bristles(), self._wells()), latest)
+            self._hand_over(course.angles[index], canvas, latest)
             self._next += _AT_LEISURE * _GROWTH ** max(0, self._count - _PICTURES)
             self._count += 1
 
@@ -303,14 +278,16 @@ class ArmFilm:
         """Ends the film with a picture of the current state."""
         if self._thread is not None and self._thread.is_alive():
             if self._angles is not None:
-                now = FilmMoment(self._angles, self._look(), self._bristles(), self._wells())
-                self._hand_over(now, time.monotonic() + _HELD_UP)
+                self._hand_over(self._angles, self._look(), time.monotonic() + _HELD_UP)
             self._moments.put(None)
             self._thread.join()
         self._over.set()
 
-    def _hand_over(self, moment: FilmMoment, latest: float) -> None:
-        """Waits for room until `latest` (monotonic clock); after that it drops the picture."""
+    def _hand_over(self, angles: NDArray[np.float64], canvas: Picture, latest: float) -> None:
+        """Hands over a picture; waits for room until `latest` (monotonic clock), and drops it after that."""
+        tuft = self._table.tuft
+        bristles = _CLEAN if tuft.volume < _DRY else _masstone(tuft.pigment.sum(0) / tuft.volume)
+        moment = FilmMoment(angles, canvas, bristles, tuple(map(_masstone, self._table.paints)))
         while not self._over.is_set():
             try:
                 self._moments.put(moment, timeout=min(0.2, max(0.0, latest - time.monotonic())))
@@ -321,38 +298,32 @@ class ArmFilm:
 
     def _shoot(self) -> None:
         """Draws and encodes until the end of the film."""
+        model = self._model
         try:
-            self._draw_all()
+            with closing(ArmView(model, _ROWS, _COLUMNS)) as view:
+                pixels = np.empty((_ROWS, _COLUMNS, 3), np.uint8)
+                reel = Reel(self._path, pixels)
+                self._count = reel.count
+                shown: Picture | None = None
+                view.draw(model.key("neutral").qpos)
+                self._ready.set()
+                while (moment := self._moments.get()) is not None:
+                    for well, color in enumerate(moment.wells):
+                        fill(model, well)
+                        view.tint(f"well {well}", color)
+                    view.tint("bristles", moment.bristles)
+                    if shown is not moment.canvas:
+                        view.lay_canvas(moment.canvas)
+                        shown = moment.canvas
+                    pixels[:] = view.draw(moment.angles)
+                    hang_inset(self._size, moment.canvas, pixels)
+                    reel.send()
+                reel.finish()
         except FridaError:
             pass  # The painting has priority; a missing film is its own message.
         finally:
             self._over.set()
             self._ready.set()
-
-    def _draw_all(self) -> None:
-        model = self._model
-        pixels = np.empty((_ROWS, _COLUMNS, 3), np.uint8)
-        with ArmView(model, _ROWS, _COLUMNS) as view:
-            reel = Reel(self._path, pixels)
-            self._count = reel.count
-            shown: NDArray[np.uint8] | None = None
-            filled = 0
-            view.draw(model.key("neutral").qpos)
-            self._ready.set()
-            while (moment := self._moments.get()) is not None:
-                for well in range(filled, len(moment.wells)):
-                    fill(model, well)
-                filled = max(filled, len(moment.wells))
-                for well, color in enumerate(moment.wells):
-                    view.tint(f"well {well}", color)
-                view.tint("bristles", moment.bristles)
-                if shown is not moment.canvas:
-                    view.lay_canvas(moment.canvas)
-                    shown = moment.canvas
-                pixels[:] = view.draw(moment.angles)
-                self._inset.hang(moment.canvas, pixels)
-                reel.send()
-            reel.finish()
 
     def _look(self) -> NDArray[np.uint8]:
         """Returns the current canvas, [n, n, 3] sRGB, with its first row at the lower edge."""
@@ -375,15 +346,6 @@ class ArmFilm:
         reach = round((tuft.brush.hard_radius + 1) / canvas.width * CANVAS_PIXELS)
         cv2.polylines(mask, [pixels.round().astype(np.int32)], False, 255, 2 * reach)
         return np.where(mask[..., None] > 0, after, before)
-
-    def _bristles(self) -> NDArray[np.float64]:
-        tuft = self._table.tuft
-        if tuft.volume < _DRY:
-            return _CLEAN
-        return _masstone(tuft.pigment.sum(0) / tuft.volume)
-
-    def _wells(self) -> tuple[NDArray[np.float64], ...]:
-        return tuple(_masstone(paint) for paint in self._table.paints)
 
 
 def _masstone(paint: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -53,12 +53,7 @@ class Kinematics:
         mujoco.mj_kinematics(self.model, self._around)
         return self._around.site_xpos[self._tip].copy()
 
-    def follow(
-        self,
-        places: NDArray[np.float64],
-        start: Angles,
-        stopped: threading.Event,
-    ) -> Angles:
+    def follow(self, places: NDArray[np.float64], start: Angles, stopped: threading.Event) -> Angles:
         """Returns joint angles [n, 7] that lead the tip through dense positions [n, 3], starting near `start`.
 
         Unreachable positions are approached as far as possible; `miss` measures the error. Returns fewer rows if
@@ -73,12 +68,9 @@ class Kinematics:
             found[k] = self._arm.q
         return found
 
-    def posture(self, place: NDArray[np.float64], start: Angles | None = None) -> Angles:
-        """Returns the joint angles [7] for a single position [3].
-
-        start: initial angles, at any distance; None for the resting posture
-        """
-        self._arm.update(self.resting if start is None else start)
+    def posture(self, place: NDArray[np.float64]) -> Angles:
+        """Returns the joint angles [7] for a single position [3], sought from the resting posture."""
+        self._arm.update(self.resting)
         for _ in range(_STEPS):
             before = self._arm.q.copy()
             self._iterate(place)
@@ -101,12 +93,7 @@ class Kinematics:
             return f"its {names[0]} would touch its {names[1]}".replace("its table", "the table")
         return None
 
-    def hindrance(
-        self,
-        angles: Angles,
-        places: NDArray[np.float64],
-        period: float,
-    ) -> str | None:
+    def hindrance(self, angles: Angles, places: NDArray[np.float64], period: float) -> str | None:
         """Returns the reason why the arm cannot follow the angles [n, 7]; None if it can.
 
         angles: [n, 7], one row every `period` s
@@ -116,10 +103,9 @@ class Kinematics:
         # Reach first: near its limit the joints already race before the arm misses.
         for k in range(0, len(angles), _LOOK_EVERY):
             if not self.miss(angles[k], places[k]) <= _MISSED:
-                return f"the arm does not reach {_describe(places[k])} with the brush upright"
-            touched = self.touching(angles[k])
-            if touched is not None:
-                return f"on the way to {_describe(places[k])} {touched}"
+                return "the arm does not reach ({:.3f}, {:.3f}, {:.3f}) m with the brush upright".format(*places[k])
+            if (touched := self.touching(angles[k])) is not None:
+                return "on the way to ({:.3f}, {:.3f}, {:.3f}) m {}".format(*places[k], touched)
         if not (turning <= _FASTEST).all():
             joint = int((turning / _FASTEST).max(0).argmax())
             fastest = turning[:, joint].max()
@@ -132,10 +118,6 @@ class Kinematics:
             self._arm, (self._place, self._upright, self._posture), 1.0, solver="daqp", limits=self._limits
         )
         self._arm.integrate_inplace(velocity, 1.0)
-
-
-def _describe(place: NDArray[np.float64]) -> str:
-    return "({:.3f}, {:.3f}, {:.3f}) m".format(*place)
 
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION

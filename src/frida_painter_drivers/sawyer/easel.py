@@ -1,4 +1,4 @@
-"""The virtual studio as an easel with the paper's Rethink Sawyer, simulated with its weight and its friction."""
+"""The easel kind `sawyer-sim`: a studio with the paper's Rethink Sawyer, simulated with its weight and its friction."""
 
 import contextlib
 from typing import TYPE_CHECKING
@@ -22,26 +22,15 @@ def _open_sawyer(order: "EaselOrder") -> OpenEasel:
     if order.film and order.folder is not None:
         with contextlib.suppress(ImportError):  # connecting the arm reports what to install
             from frida_painter_drivers.sawyer.arm_film import ArmFilm
-            from frida_painter_drivers.sawyer.surroundings import Meshes, Surroundings
 
-            seen = None if order.meshes is None else Meshes.in_folder(order.meshes)
-            before = Surroundings(easel.workspace, order.canvas, seen)
-            studio.robot.watcher = ArmFilm(order.folder / ARM_FILM, before, studio.table)
+            film = ArmFilm(order.folder / ARM_FILM, easel.workspace, order.canvas, studio.table)
+            studio.robot.watcher = film
 
     def close() -> None:
         studio.robot.watcher.close()
         studio.close()
 
     return OpenEasel(easel, close)
-
-
-def _require_meshes(order: "EaselOrder") -> None:
-    """Raises ConfigError if the folder of --arm-meshes contains no arm."""
-    with contextlib.suppress(ImportError):  # connecting the arm reports what to install
-        from frida_painter_drivers.sawyer.surroundings import Meshes
-
-        if order.meshes is not None:
-            Meshes.in_folder(order.meshes)
 
 
 def _why_no_film() -> str | None:
@@ -65,7 +54,6 @@ KIND = EaselKind(
     simulated=True,
     needed=Needed(module="mujoco", extra="mujoco"),
     load=load_loops,
-    require=_require_meshes,
     why_no_film=_why_no_film,
     reach_from=_reach_from,
 )

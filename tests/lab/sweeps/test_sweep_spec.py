@@ -58,7 +58,7 @@ def test_what_decides_the_outcome_decides_the_key() -> None:
 
 
 def test_the_content_of_every_file_decides_the_key() -> None:
-    for name in set(FILES) - {"arm_meshes"}:  # those are for the film of another robot
+    for name in set(FILES):
         fields = {"image": "a.jpg", "colors": 4, name: "kept.file"}
         keys = [SweepRun.of("plan", {}, fields, hash_of=lambda path, n=n: f"{path.name} {n}").key for n in (1, 1, 2)]
         assert keys[0] == keys[1] != keys[2], name
@@ -92,7 +92,7 @@ def test_a_file_names_others_beside_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("[grid]\nseeds = [0]", "'seeds' is not a field of a run; there are arm_meshes, avoid"),
+        ("[grid]\nseeds = [0]", "'seeds' is not a field of a run; there are avoid"),
         ("[settings]\nplan = 'a.json'", "'plan' is not a field of a run"),
         ("[grid]\nseed = []", "seed has no values; give at least one"),
         ("[grid]\nimage = ['nothing/*.jpg']", "No file is called nothing/*.jpg (in "),
