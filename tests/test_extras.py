@@ -16,7 +16,7 @@ from frida_painter.errors import CameraError, ConfigError, FridaError, RobotErro
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
 from frida_painter.weights import catalogue
-from frida_painter_drivers.cameras.gphoto import GphotoCamera
+from frida_painter_drivers.cameras import GphotoCamera
 from frida_painter_drivers.serial_line import SerialLine
 from frida_painter_lab.env import make_env
 from frida_painter_studio.web_studio import abilities

@@ -170,7 +170,7 @@ class FrankaRobot(Driver):
         self._require_between("a turn", turn, -180, 180, "degrees")
         self._require_between("a force", force, 5, 100, "N")
         self._require_between("a touch force", touch_force, 0.2, 10, "N")
-        self._address, self._brush_length, self._turn = address, brush_length, turn
+        self.address, self.brush_length, self._turn = address, brush_length, turn
         self._force_limit, self._touch_force = force, touch_force
         self._upright = Rotation.from_euler("xz", (180, turn), degrees=True)
         self._timing = Timing(_ACCELERATION, smoothing=0.1, period=_PERIOD)
@@ -228,7 +228,7 @@ class FrankaRobot(Driver):
 
     def reachable(self, position: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns True for each position [k, 3] that the arm reaches with its hand and the brush upright: [k]."""
-        return FrankaReach(self._brush_length, self._turn).reachable(position)
+        return FrankaReach(self.brush_length, self._turn).reachable(position)
 
     def timing(self) -> AxisTiming:
         """Returns the limits of the planned motions. Implements hardware.robot.TimedRobot."""
@@ -260,7 +260,7 @@ class FrankaRobot(Driver):
                 "in Desk.",
                 "warning",
             )
-        if self._brush_length == 0:
+        if self.brush_length == 0:
             yield MachineFact(
                 "No brush length is given (brush_length=METRES): the arm's own tool frame must end at the brush's tip.",
                 "warning",
@@ -416,7 +416,7 @@ class FrankaRobot(Driver):
             angles = joints[-1].copy()
             for _ in range(_ITERATIONS):
                 here, turned = self._pose_of(angles, state)
-                lever = self._brush_length * turned[:, 2]
+                lever = self.brush_length * turned[:, 2]
                 off = np.r_[tip - here, Rotation.from_matrix(rotation @ turned.T).as_rotvec(), third - angles[2]]
                 if np.abs(off).max() <= _CONVERGED:
                     break
@@ -581,7 +581,7 @@ class FrankaRobot(Driver):
     def _pose_of(self, angles: NDArray[np.float64], state: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Returns the tip [3] and the tool's rotation [3, 3] for joint angles, by the arm's model."""
         matrix = self._arm.model.pose(self._franky.Frame.EndEffector, angles, state.F_T_EE, state.EE_T_K).matrix
-        return matrix[:3, 3] + self._brush_length * matrix[:3, 2], matrix[:3, :3]
+        return matrix[:3, 3] + self.brush_length * matrix[:3, 2], matrix[:3, :3]
 
     def _jacobian(self, angles: NDArray[np.float64], state: Any, lever: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the Jacobian [6, 7] of the tip, which is `lever` [3] from the tool frame."""
@@ -617,7 +617,7 @@ class FrankaRobot(Driver):
             return self._ask(
                 "connect",
                 lambda: self._franky.Robot(
-                    self._address,
+                    self.address,
                     default_torque_threshold=self._force_limit,
                     default_force_threshold=self._force_limit,
                     realtime_config=config.Enforce if _has_realtime() else config.Ignore,
@@ -625,7 +625,7 @@ class FrankaRobot(Driver):
             )
         except RobotDisconnected as silence:
             raise RobotDisconnected(
-                f"No Franka answers at {self._address} ({silence.__cause__ and one_line(silence.__cause__)}); look "
+                f"No Franka answers at {self.address} ({silence.__cause__ and one_line(silence.__cause__)}); look "
                 "whether it is on and in this computer's network, whether FCI is activated in Desk, whether another "
                 "program is connected to it, and whether the address is right."
             ) from silence
@@ -636,7 +636,7 @@ class FrankaRobot(Driver):
         libfranka takes the first bytes for the length of a message: another device made it reserve gigabytes.
         """
         try:
-            with socket.create_connection((self._address, _PORT), timeout=PATIENCE) as probe:
+            with socket.create_connection((self.address, _PORT), timeout=PATIENCE) as probe:
                 probe.settimeout(_LISTENING)
                 said = probe.recv(16)
         except TimeoutError:

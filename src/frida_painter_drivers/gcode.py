@@ -66,7 +66,7 @@ class GcodeRobot(Driver):
     ) -> None:
         super().__init__(f"the {gcode.flavour} machine on {port}", resting, gcode.approach)
         self.gcode, self.homing = gcode, homing
-        self._port, self._baud, self._lowest = port, baud, lowest
+        self._port, self.baud, self._lowest = port, baud, lowest
         self._firmware: Firmware | None = None
         self._tip: NDArray[np.float64] | None = None
         self._begun = False
@@ -76,7 +76,7 @@ class GcodeRobot(Driver):
 
         Raises RobotError if the machine is in an alarm, or if its settings make painting impossible.
         """
-        line = SerialLine.open(self._port, self._baud)
+        line = SerialLine.open(self._port, self.baud)
         kind = Grbl if self.gcode.flavour == "grbl" else Marlin
         self._firmware, self._begun = kind(line, self._interlock, self.gcode, homing=self.homing), False
         self._firmware.greet(release=not examines)

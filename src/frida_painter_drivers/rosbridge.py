@@ -153,7 +153,7 @@ class RosRobot(Driver):
             raise ConfigError(
                 f"A ROS arm was given the namespace {namespace!r}; write a name that begins with a slash."
             )
-        self._namespace, self._frame = namespace.rstrip("/"), frame
+        self.namespace, self._frame = namespace.rstrip("/"), frame
         self._connection, self._stopper = connection, stopper
         self._news = threading.Condition()
         self._forget()
@@ -227,7 +227,7 @@ class RosRobot(Driver):
 
     def _facts(self) -> Iterator[MachineFact]:
         x, y, z = 1000 * self.pose()
-        yield MachineFact(f"An arm under {self._namespace} speaks ROS 2; its tip is at ({x:.0f}, {y:.0f}, {z:.0f}) mm "
+        yield MachineFact(f"An arm under {self.namespace} speaks ROS 2; its tip is at ({x:.0f}, {y:.0f}, {z:.0f}) mm "
                           f"in the frame {self._frame!r}.")  # fmt: skip
         before, began = self._poses, time.monotonic()
         time.sleep(_LISTENING)
@@ -247,7 +247,7 @@ class RosRobot(Driver):
         )
 
     def _topic(self, name: str) -> str:
-        return f"{self._namespace}/{name}"
+        return f"{self.namespace}/{name}"
 
     def _topic_and_type(self, name: str) -> tuple[str, str]:
         return self._topic(name), _TYPES[name]

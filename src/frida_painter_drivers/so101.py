@@ -159,7 +159,7 @@ class So101Robot(Driver):
         super().__init__(f"the SO-101 at {port}", resting, approach)
         self._require_between("an approach", approach, 0, 0.5, "m/s")
         self._require_between("a brush length", brush_length, 0, 0.3, "m")
-        self._brush_length, self._port_name = brush_length, port
+        self.brush_length, self._port_name = brush_length, port
         self._timing = Timing(_ACCELERATION, smoothing=0.1, period=_PERIOD)
         self._line = threading.Lock()
         self._sdk: Any = None
@@ -170,7 +170,7 @@ class So101Robot(Driver):
 
     @cached_property
     def _kinematics(self) -> So101Kinematics:
-        return So101Kinematics(self._brush_length)
+        return So101Kinematics(self.brush_length)
 
     def _open(self, *, examines: bool) -> None:
         """Opens the bus, finds the five servos, and switches them on at their present positions.

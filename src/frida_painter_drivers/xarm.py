@@ -65,7 +65,7 @@ class XarmRobot(Driver):
     def __init__(self, address: str, resting: Point, approach: float = 0.15, brush_length: float = 0.0) -> None:
         super().__init__(f"the xArm at {address}", resting, approach)
         self._require_between("a brush length", brush_length, 0, 1, "m")
-        self._address, self._brush_length = address, brush_length
+        self.address, self.brush_length = address, brush_length
         self._arm: Any = None
         self._stopper: Any = None
         self._mode = _POSITIONS
@@ -135,12 +135,12 @@ class XarmRobot(Driver):
 
     def _tip(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the tip [3] (m) for the place [6] of the tool's centre."""
-        along = Rotation.from_euler("xyz", place[3:], degrees=True).apply([0.0, 0.0, self._brush_length])
+        along = Rotation.from_euler("xyz", place[3:], degrees=True).apply([0.0, 0.0, self.brush_length])
         return np.asarray(place[:3] / 1000 + along)
 
     def _upright(self, tip: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns the place [6] of the tool's centre, in mm and degrees, for a tip [3] (m) of an upright brush."""
-        return np.r_[(tip + np.array([0.0, 0.0, self._brush_length])) * 1000, _TOOL]
+        return np.r_[(tip + np.array([0.0, 0.0, self.brush_length])) * 1000, _TOOL]
 
     def _place(self, label: str) -> NDArray[np.float64]:
         """Returns x, y and z of the tool's centre in mm, and roll, pitch and yaw in degrees: [6]."""
@@ -178,7 +178,7 @@ class XarmRobot(Driver):
             if number and number % ahead == 0:
                 self._await_room(label, ahead)
             index = number - len(turning)
-            speed = waypoints.speed if index > 0 else _TURNING * self._brush_length if index < 0 else self.approach
+            speed = waypoints.speed if index > 0 else _TURNING * self.brush_length if index < 0 else self.approach
             self._send(label, max(index, 0), target, radius, speed)
         self._wait(label, until)
         return self.pose()
@@ -213,7 +213,7 @@ class XarmRobot(Driver):
         arm, until = self._arm, time.monotonic() + 1.0
         while arm.collision_sensitivity == 0 and arm.tcp_load[0] == 0 and time.monotonic() < until:
             time.sleep(_POLL)  # both come with the first report
-        yield MachineFact(f"An xArm answers at {self._address}: serial number {arm.sn}, firmware {arm.version}.")
+        yield MachineFact(f"An xArm answers at {self.address}: serial number {arm.sn}, firmware {arm.version}.")
         error, warning = self._codes("examine")
         if error:
             told = f"It has error {_name(error, self._errors)}. Look at it and clear the error there."
@@ -235,7 +235,7 @@ class XarmRobot(Driver):
         )
         yield MachineFact(
             "Its own tool offset is (" + ", ".join(f"{number:g}" for number in arm.tcp_offset[:3]) + ") mm; the brush "
-            f"reaches {1000 * self._brush_length:g} mm below that."
+            f"reaches {1000 * self.brush_length:g} mm below that."
         )
 
     def _load_sdk(self) -> Callable[..., Any]:
@@ -249,13 +249,13 @@ class XarmRobot(Driver):
             from xarm.wrapper import XArmAPI
         self._errors, self._warnings = ControllerErrorCodeMap, ControllerWarnCodeMap
         try:
-            socket.create_connection((self._address, XCONF.SocketConf.TCP_CONTROL_PORT), timeout=PATIENCE).close()
+            socket.create_connection((self.address, XCONF.SocketConf.TCP_CONTROL_PORT), timeout=PATIENCE).close()
         except OSError as cause:
             raise RobotDisconnected(
-                f"No xArm answers at {self._address} ({cause.strerror or cause}); look whether its control box is on "
+                f"No xArm answers at {self.address} ({cause.strerror or cause}); look whether its control box is on "
                 "and in this computer's network, and whether the address is right."
             ) from cause
-        return partial(XArmAPI, self._address, is_radian=False, do_not_open=True, **_SDK)
+        return partial(XArmAPI, self.address, is_radian=False, do_not_open=True, **_SDK)
 
     def _open_connection(self, kind: Callable[..., Any]) -> Any:
         """Returns an open connection."""
@@ -291,11 +291,11 @@ class XarmRobot(Driver):
         handle = -Rotation.from_euler("xyz", place[3:], degrees=True).apply([0.0, 0.0, 1.0])
         aside = float(np.hypot(*handle[:2]))
         leans = math.atan2(aside, handle[2])
-        if self._brush_length == 0 or leans <= _UPRIGHT:
+        if self.brush_length == 0 or leans <= _UPRIGHT:
             return []
         axis = np.array((-handle[1], handle[0], 0.0)) / aside
         upright = Rotation.from_euler("xyz", _TOOL, degrees=True)
-        along = np.array([0.0, 0.0, self._brush_length])
+        along = np.array([0.0, 0.0, self.brush_length])
         places = []
         for angle in np.linspace(leans, 0, math.ceil(leans / _TURN_STEP) + 1)[1:-1]:
             turn = Rotation.from_rotvec(angle * axis)

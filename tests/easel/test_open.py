@@ -13,9 +13,7 @@ from frida_painter.errors import ConfigError, PluginError
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter_drivers.axidraw import AxidrawRobot
-from frida_painter_drivers.cameras.folder import FolderCamera
-from frida_painter_drivers.cameras.gphoto import GphotoCamera
-from frida_painter_drivers.cameras.opencv import OpencvCamera
+from frida_painter_drivers.cameras import FolderCamera, GphotoCamera, OpencvCamera
 from frida_painter_drivers.gcode import GcodeRobot
 from frida_painter_drivers.rosbridge import RosRobot
 from frida_painter_drivers.xarm import XarmRobot
@@ -33,18 +31,18 @@ def workcell(tmp_path: Path) -> WorkcellConfig:
 def test_each_machine_is_built_as_it_is_named(workcell: WorkcellConfig) -> None:
     xarm = make_robot("xarm:192.168.1.10, brush_length=0.12", workcell.workspace)
     assert isinstance(xarm, XarmRobot)
-    assert (xarm.settings.address, xarm.settings.brush_length) == ("192.168.1.10", 0.12)
+    assert (xarm.address, xarm.brush_length) == ("192.168.1.10", 0.12)
     assert xarm.resting == workcell.workspace.home
     grbl = make_robot("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", workcell.workspace)
     assert isinstance(grbl, GcodeRobot)
     assert grbl.homing and grbl.gcode.flavour == "grbl"
     assert grbl.gcode.servo is not None and grbl.gcode.servo.high == (0.01, 900)
     marlin = make_robot("marlin:/dev/ttyACM0,baud=250000", workcell.workspace)
-    assert isinstance(marlin, GcodeRobot) and marlin._baud == 250_000
+    assert isinstance(marlin, GcodeRobot) and marlin.baud == 250_000
     assert isinstance(make_robot("axidraw", workcell.workspace), AxidrawRobot)
     ros = make_robot("rosbridge:10.0.0.2:9091,namespace=/left/brush", workcell.workspace)
     assert isinstance(ros, RosRobot)
-    assert ros.settings.namespace == "/left/brush"
+    assert ros.namespace == "/left/brush"
 
 
 def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
@@ -53,9 +51,9 @@ def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
         make_camera("opencv:/dev/video1"),
         make_camera("folder:shots"),
     )
-    assert isinstance(by_number, OpencvCamera) and by_number.settings.device == 2
-    assert isinstance(by_path, OpencvCamera) and by_path.settings.device == "/dev/video1"
-    assert isinstance(shots, FolderCamera) and shots.settings.path == Path("shots")
+    assert isinstance(by_number, OpencvCamera) and by_number.name == "camera 2"
+    assert isinstance(by_path, OpencvCamera) and by_path.name == "camera '/dev/video1'"
+    assert isinstance(shots, FolderCamera) and "'shots'" in shots.name
     assert isinstance(make_camera("gphoto"), GphotoCamera)
 
 
@@ -67,7 +65,7 @@ def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
         ("xarm:1.2.3.4,color=red", "xarm does not know color"),
         ("xarm:1.2.3.4,brush_length=long", "brush_length=long is not understood"),
         ("xarm:1.2.3.4,brush_length", "write name=value"),
-        ("xarm:1.2.3.4,brush_length=nan", "brush of nan m"),
+        ("xarm:1.2.3.4,brush_length=nan", "a brush length of nan m"),
         ("gcode:/dev/x,homing=perhaps", "homing=perhaps is not understood"),
         ("gcode:/dev/x,servo=1/2", "servo=1/2 is not understood"),
         ("gcode:/dev/x,servo=0.01/2/0.01/3", "the first lies below the second"),

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
-from frida_painter.errors import CameraError, ConfigError, StaleFrame
-from frida_painter_drivers.cameras.folder import FolderCamera, FolderSettings
+from frida_painter.errors import CameraError, StaleFrame
+from frida_painter_drivers.cameras import FolderCamera
 
 
 def picture(shade: int, shape: tuple[int, ...] = (40, 60, 3)) -> Image.Image:
     return Image.fromarray(np.full(shape, shade, np.uint8))
 
 
-def camera_at(path: Path, patience: float = 0.6, lag: float = 0.0) -> FolderCamera:
-    camera = FolderCamera(FolderSettings(path, patience, lag))
+def camera_at(path: Path, patience: float = 0.6) -> FolderCamera:
+    camera = FolderCamera(path, patience)
     camera.connect()
     return camera
 
@@ -128,16 +128,6 @@ def test_what_was_photographed_before_the_last_time_is_known_again(tmp_path: Pat
         camera.capture(time.monotonic() - 1)
 
 
-def test_with_a_lag_the_exposure_is_taken_for_that_much_earlier(tmp_path: Path) -> None:
-    camera = camera_at(tmp_path, lag=5.0)
-    moved = time.monotonic()
-    thread = later(0.1, lambda: picture(90).save(tmp_path / "a.png"))
-    with pytest.raises(StaleFrame):
-        camera.capture(moved)
-    thread.join()
-    assert camera.capture(moved - 20).captured_at < moved
-
-
 def test_a_date_that_lies_ahead_is_not_believed(tmp_path: Path) -> None:
     picture(10).save(tmp_path / "a.png")
     os.utime(tmp_path / "a.png", (time.time() + 3600,) * 2)
@@ -167,7 +157,7 @@ def test_a_half_written_picture_is_waited_for(tmp_path: Path) -> None:
 
 
 def test_a_damaged_picture_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter_drivers.cameras.folder._WRITING", 0.5)
+    monkeypatch.setattr("frida_painter_drivers.cameras._WRITING", 0.5)
     (tmp_path / "shot.jpg").write_bytes(b"\xff\xd8\xff\xe0 cut off")
     with pytest.raises(CameraError, match=r"newest picture cannot be used: .*shot.jpg"):
         camera_at(tmp_path, patience=3).capture(time.monotonic() - 1)
@@ -213,12 +203,6 @@ def test_what_is_no_folder_is_refused_and_a_folder_that_vanishes_is_told(tmp_pat
         camera.capture(0.0)
 
 
-@pytest.mark.parametrize(("patience", "lag"), [(0.0, 0.0), (float("nan"), 0.0), (5.0, -1.0), (5.0, float("inf"))])
-def test_waiting_that_cannot_be_is_refused(tmp_path: Path, patience: float, lag: float) -> None:
-    with pytest.raises(ConfigError, match="patience"):
-        FolderSettings(tmp_path, patience, lag)
-
-
 @pytest.mark.parametrize("name", ["IMG_1.HEIC", "IMG_1.jfif", "IMG_1.avif"])
 def test_what_telephones_save_is_taken(tmp_path: Path, name: str) -> None:
     camera = camera_at(tmp_path, patience=5)
@@ -244,7 +228,7 @@ def test_what_telephones_save_is_taken(tmp_path: Path, name: str) -> None:
 def test_a_picture_that_came_and_cannot_be_used_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content: bytes, says: str
 ) -> None:
-    monkeypatch.setattr("frida_painter_drivers.cameras.folder._WRITING", 0.3)
+    monkeypatch.setattr("frida_painter_drivers.cameras._WRITING", 0.3)
     (tmp_path / "old.CR2").write_bytes(b"II*\0\x10\0\0\0CR\2\0")  # lay there before
     camera = camera_at(tmp_path, patience=20)
     thread = later(0.1, lambda: (tmp_path / name).write_bytes(content))
@@ -256,7 +240,7 @@ def test_a_picture_that_came_and_cannot_be_used_is_named(
 
 
 def test_what_comes_beside_a_picture_is_not_in_its_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter_drivers.cameras.folder._WRITING", 0.2)
+    monkeypatch.setattr("frida_painter_drivers.cameras._WRITING", 0.2)
     camera = camera_at(tmp_path, patience=1)
     (tmp_path / "notes.txt").write_text("a text")
     (tmp_path / "IMG_2.mov").write_bytes(b"\0\0\0\x14ftypqt  ")

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from frida_painter.errors import CameraError
-from frida_painter_drivers.cameras.gphoto import GphotoCamera
+from frida_painter_drivers.cameras import GphotoCamera
 
 
 class GPhoto2Error(Exception):
@@ -103,7 +103,7 @@ def test_what_goes_wrong_says_what_to_do(
     camera = GphotoCamera()
     with monkeypatch.context() as patch, pytest.raises(CameraError, match=says):
         if behave == "hangs":
-            patch.setattr("frida_painter_drivers.cameras.gphoto._EXPOSING", 0.3)
+            patch.setattr(GphotoCamera, "looking", 0.3)
         camera.connect()
         camera.capture(0.0)
     library.behave = "well"

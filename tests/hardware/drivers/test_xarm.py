@@ -117,7 +117,7 @@ def still_after_that(box: XarmBox, robot: XarmRobot) -> None:
 def test_m14_a_waypoint_without_a_solution_is_a_fault(box: XarmBox, robot: XarmRobot) -> None:
     far = STROKE.position.copy()
     far[12, 0] += 1.0
-    with pytest.raises(MotionFailed, match="warning 14: .* no solution, and has dropped .* at waypoint 12"):
+    with pytest.raises(MotionFailed, match=r"warning 14: .* no solution, and has dropped .* at waypoint 12"):
         robot.follow(Waypoints("stroke 7", far, 0.06))
     still_after_that(box, robot)
     robot.connect()  # the warning concerned that waypoint, and is cleared
@@ -134,7 +134,7 @@ def test_m14_a_full_queue_is_a_fault_and_long_paths_do_not_fill_it(
     for point in long.position:
         assert min(np.linalg.norm(np.array(box.moved) - 1000 * point, axis=1)) < 1e-3
     box.room, box.pace = 20, 1.0
-    with pytest.raises(MotionFailed, match="warning 11: .* full, and has dropped what it was told at waypoint"):
+    with pytest.raises(MotionFailed, match=r"warning 11: .* full, and has dropped what it was told at waypoint"):
         robot.follow(long)
     still_after_that(box, robot)
 
