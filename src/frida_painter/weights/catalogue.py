@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from pydantic import TypeAdapter
 from torch import Tensor
 
 from frida_painter import registry
@@ -60,7 +61,7 @@ class NamedWeights:
     needs: tuple[str, ...] = ()
     folder: str = ""
     listed: str = ""
-    pictures: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    pictures: dict[str, Any] = field(default_factory=dict, hash=False)
 
     @property
     def pins(self) -> list[str]:
@@ -79,13 +80,7 @@ class NamedWeights:
 def all_weights() -> tuple[NamedWeights, ...]:
     """Returns all weights; of picture libraries, those with the better pictures first."""
     entries = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
-    return tuple(_read_entry(name, entry) for name, entry in entries.items())
-
-
-def _read_entry(name: str, entry: dict[str, Any]) -> NamedWeights:
-    files = tuple(PublishedFile(**file) for file in entry.pop("files", ()))
-    sources, needs = tuple(entry.pop("sources")), tuple(entry.pop("needs", ()))
-    return NamedWeights(name, files=files, sources=sources, needs=needs, **entry)
+    return tuple(TypeAdapter(NamedWeights).validate_python({"name": name, **entry}) for name, entry in entries.items())
 
 
 def words() -> tuple[NamedWeights, ...]:

