@@ -157,7 +157,6 @@ def _two_sides(text: str, said: str) -> tuple[float, float]:
 
 
 def _number(written: str) -> float:
-    """Converts "11,5", "8 1/2" or ".5" to a number."""
     *whole, last = written.replace(",", ".").split()
     over, slash, under = last.partition("/")
     return sum(map(float, whole)) + (float(over) / float(under) if slash else float(over))

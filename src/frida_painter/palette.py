@@ -209,7 +209,6 @@ def _settle(points: NDArray[Any], weights: NDArray[Any], centers: NDArray[Any]) 
 
 
 def _square_distances(points: NDArray[Any], others: NDArray[Any]) -> NDArray[Any]:
-    """Returns the squared distances [n, k] of points [n, d] from others [k, d]."""
     squares = [np.subtract.outer(here, there) ** 2 for here, there in zip(points.T, others.T, strict=True)]
     return np.sum(squares, axis=0)
 
@@ -259,5 +258,4 @@ def _share_of_chroma(chroma: NDArray[Any]) -> NDArray[Any]:
 
 
 def _turn(angle: NDArray[Any]) -> NDArray[Any]:
-    """Returns angles in radians in [0, 2 pi)."""
     return (angle + np.where(angle < 0, 2 * np.pi, 0)).astype(angle.dtype)

@@ -21,9 +21,9 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,8 +58,7 @@ _FROM_XYZ = np.array(  # to linear sRGB (Lindbloom)
 _SAME = 2 / 255  # a profile that moves no pixel further counts as sRGB
 
 
-@dataclass(frozen=True)
-class Light:
+class Light(NamedTuple):
     """Conversion of numbers in [0, 1] to light.
 
     exponent: exponent of the power law; None for the curve of sRGB, as which one near 2.2 counts
@@ -75,24 +74,18 @@ def light_of(exponent: float | None, primaries: Sequence[float]) -> Light:
 
     primaries: x, y of red, green, blue and white; if they are not such that span colours, those of sRGB count
     """
-    exponent = None if exponent is None or 2.1 <= exponent <= 2.3 else exponent
-    own = _to_xyz(primaries)
-    if own is None or np.allclose(primaries, _SRGB, atol=0.002):
-        return Light(exponent)
-    matrix = _FROM_XYZ @ own
-    return Light(exponent, matrix / matrix.sum(1, keepdims=True))  # white becomes white
-
-
-def _to_xyz(primaries: Sequence[float]) -> NDArray[np.float64] | None:
-    """Returns the matrix from light of the primaries to X, Y, Z; None if they span no colours with a white."""
+    plain = Light(None if exponent is None or 2.1 <= exponent <= 2.3 else exponent)
     if len(primaries) != 8 or not min(primaries[1::2]) > 0.01 or not max(primaries) <= 1:
-        return None
+        return plain
     x, y = np.reshape(primaries, (4, 2)).T
     xyz = np.stack((x / y, np.ones(4), (1 - x - y) / y))
-    if abs(np.linalg.det(xyz[:, :3])) < 1e-3:
-        return None
+    if np.allclose(primaries, _SRGB, atol=0.002) or abs(np.linalg.det(xyz[:, :3])) < 1e-3:
+        return plain
     shares = np.linalg.solve(xyz[:, :3], xyz[:, 3])
-    return xyz[:, :3] * shares if (shares > 0).all() else None
+    if not (shares > 0).all():
+        return plain
+    matrix = _FROM_XYZ @ (xyz[:, :3] * shares)
+    return Light(plain.exponent, matrix / matrix.sum(1, keepdims=True))  # white becomes white
 
 
 def light_of_code_points(path: Path, primaries: int, transfer: int) -> Light:
@@ -133,7 +126,6 @@ def to_srgb(image: "pyvips.Image", light: Light, longest: int, *, layered: bool)
 
 
 def _whole(image: "pyvips.Image", most: float) -> "pyvips.Image":
-    """Rounds to whole numbers from 0 to `most`."""
     return image.rint().cast("uchar" if most == 255 else "ushort")
 
 
@@ -223,7 +215,7 @@ def decode(path: Path, *, most_pixels: int = MAX_PIXELS, longest: int = LONGEST)
     more than `most_pixels`, or has a side above 30,000 or below 16 pixels.
     """
     with storage.open_checked(path, WHAT, _MAX_BYTES, ImageError) as file:
-        return _decode_open(path, file, most_pixels, longest, layered=False)
+        return _decode(_Given(path, file, most_pixels, longest))
 
 
 def decode_with_opacity(content: bytes, name: str, *, longest: int) -> Bytes | Floats:
@@ -234,24 +226,22 @@ def decode_with_opacity(content: bytes, name: str, *, longest: int) -> Bytes | F
     try:
         with tempfile.TemporaryFile(buffering=0) as file:  # libvips moves the position too
             file.write(content)
-            return _decode_open(Path(name), file, MAX_PIXELS, longest, layered=True)
+            return _decode(_Given(Path(name), file, MAX_PIXELS, longest, layered=True))
     except OSError as cause:
         raise storage.cannot_write(Path(tempfile.gettempdir()), cause) from cause
 
 
-def _decode_open(path: Path, file: BinaryIO, most_pixels: int, longest: int, *, layered: bool) -> Bytes | Floats:
-    """Decodes an open file; layered: True for colour and opacity."""
-    file.seek(0)
-    name = format_of(file.read(512))
+def _decode(given: "_Given") -> Bytes | Floats:
+    path, name = given.path, given.format
     if name not in _READ:
         raise ImageError(f"{path} is {name}, not a picture that can be read; give {WHAT}.")
     if _process_of_libvips.cache_info().currsize and _process_of_libvips() != os.getpid():
-        return _decode_in_new_process(path, file, most_pixels, longest, layered=layered)
+        return _decode_in_new_process(given)
     try:
         with warnings.catch_warnings():  # Pillow's, about metadata and large pictures, are of no use to a painter
             warnings.simplefilter("ignore")
-            image, light = _READERS.get(name, _read_strips)(_Given(path, file, name, most_pixels, longest))
-            return to_srgb(image, light, longest, layered=layered)
+            image, light = _READERS.get(name, _read_strips)(given)
+            return to_srgb(image, light, given.longest, layered=given.layered)
     except ImageError:
         raise
     except MemoryError as cause:
@@ -268,15 +258,13 @@ def _process_of_libvips() -> int:
     return os.getpid()
 
 
-def _decode_in_new_process(
-    path: Path, file: BinaryIO, most_pixels: int, longest: int, *, layered: bool
-) -> Bytes | Floats:
-    """Decodes a picture as `_decode_open` does, in a process that was not forked."""
-    made = python_process.run("-m", __name__, path, most_pixels, longest, "4" if layered else "3", stdin=file)
+def _decode_in_new_process(given: "_Given") -> Bytes | Floats:
+    words = (given.path, given.most_pixels, given.longest, "4" if given.layered else "3")
+    made = python_process.run("-m", __name__, *words, stdin=given.file)
     if made.returncode == 0:
         return np.asarray(np.load(io.BytesIO(made.stdout), allow_pickle=False))
     said = made.stderr.decode("utf-8", "replace").strip() if made.returncode == _REFUSED else ""
-    raise ImageError(said or f"{path} could not be decoded in a process of its own; try again.")
+    raise ImageError(said or f"{given.path} could not be decoded in a process of its own; try again.")
 
 
 def is_picture(name: str) -> bool:
@@ -355,9 +343,15 @@ class _Given:
 
     path: Path
     file: BinaryIO
-    format: str
     most_pixels: int
     longest: int
+    layered: bool = False  # True for colour and opacity
+
+    @cached_property
+    def format(self) -> str:
+        """Name of the format, as `format_of` gives it."""
+        self.file.seek(0)
+        return format_of(self.file.read(512))
 
     def strips(self, **options: Any) -> "pyvips.Image":
         """Returns the picture as libvips reads it, once from top to bottom. Only the header is read here."""
@@ -489,11 +483,7 @@ def _read_bmp(given: _Given) -> _Stored:
     with Image.open(given.file, formats=("BMP",)) as file:
         require_size(given.path, *file.size, given.most_pixels)
         picture = file if file.mode in ("L", "RGB", "RGBA") else file.convert("L" if file.mode == "1" else "RGB")
-        return _of_array(np.asarray(picture)), Light()
-
-
-def _of_array(pixels: Any) -> "pyvips.Image":
-    return _libvips().Image.new_from_array(pixels, interpretation="auto")
+        return _libvips().Image.new_from_array(np.asarray(picture), interpretation="auto"), Light()
 
 
 def _read_heif(given: _Given) -> _Stored:
@@ -508,7 +498,11 @@ def _read_heif(given: _Given) -> _Stored:
     if points is not None and profile is None:
         light = light_of_code_points(given.path, points["color_primaries"], points["transfer_characteristics"])
     # A copy: the array that it shows is libheif's memory, which ends with `head`.
-    image = given.strips() if given.format == "AVIF" else _of_array(np.array(head))
+    image = (
+        given.strips()
+        if given.format == "AVIF"
+        else _libvips().Image.new_from_array(np.array(head), interpretation="auto")
+    )
     if image.format == "ushort":  # 10 and 12 bits are stored in the upper bits
         bits = int(head.info["bit_depth"])
         image = (image * (65535 / ((2**bits - 1) << (16 - bits)))).rint().cast("ushort")
@@ -525,9 +519,9 @@ _READERS = {"TIFF": _read_tiff, "BMP": _read_bmp, "HEIC": _read_heif, "AVIF": _r
 
 if __name__ == "__main__":
     try:
-        _, given, pixels, side, channels = sys.argv
-        decoded = _decode_open(Path(given), sys.stdin.buffer, int(pixels), int(side), layered=channels == "4")
-        np.save(sys.stdout.buffer, decoded)
+        _, name, pixels, side, channels = sys.argv
+        order = _Given(Path(name), sys.stdin.buffer, int(pixels), int(side), channels == "4")
+        np.save(sys.stdout.buffer, _decode(order))
     except ImageError as refused:
         print(refused, file=sys.stderr)
         sys.exit(_REFUSED)

@@ -484,7 +484,6 @@ class FrankaRobot(Driver):
         raise self._failure(MotionFailed, label, said)
 
     def _make_motion(self, joints: NDArray[np.float64]) -> Any:
-        """Returns joint angles [n, 7] as a motion of franky."""
         franky = self._franky
         rates = np.zeros_like(joints)
         rates[1:-1] = (joints[2:] - joints[:-2]) / (2 * _PERIOD)
@@ -727,12 +726,10 @@ def _onset(z: NDArray[np.float64], force: NDArray[np.float64]) -> float:
 
 
 def _names(errors: Any) -> list[str]:
-    """Returns the names of the errors that are set."""
     return [name for name in dir(errors) if not name.startswith("_") and getattr(errors, name) is True]
 
 
 def _has_realtime() -> bool:
-    """Returns True if this computer's kernel runs programs in real time."""
     return "PREEMPT_RT" in platform.version().replace(" ", "_")
 
 

@@ -232,7 +232,6 @@ class GcodeRobot(Driver):
                 firmware.forget()
 
     def _place(self, firmware: Firmware) -> NDArray[np.float64]:
-        """Returns the position of the tip, [3] metres."""
         metres = firmware.position() / 1000
         if not self.gcode.tells_height:
             metres[2] = self._height()

@@ -256,7 +256,6 @@ class Marlin(AnyFirmware):
         )
 
     def _ask(self, question: str) -> list[str]:
-        """Returns the lines that answer a question."""
         return self._exchange(question, question, None, PATIENCE)
 
     def wants_pause(self) -> bool:

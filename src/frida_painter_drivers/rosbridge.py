@@ -159,7 +159,6 @@ class RosRobot(Driver):
         self._forget()
 
     def _forget(self) -> None:
-        """Forgets what the arm has said."""
         self._tip: NDArray[np.float64] | None = None
         self._heard_at, self._poses, self._nonsense = float("-inf"), 0, ""
         self._goal: tuple[int, ...] = (0, 0)
@@ -278,7 +277,6 @@ class RosRobot(Driver):
         self._connection.publish(self._topic("follow"), {"header": header, "joint_names": [TIP], "points": points})
 
     def _await_end(self, label: str, until: float) -> None:
-        """Returns when the arm reports that the motion is done."""
         taken, beat, before = time.monotonic() + PATIENCE, 0.0, self._place(label)
         while True:
             if time.monotonic() > beat:

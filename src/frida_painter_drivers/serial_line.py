@@ -168,7 +168,6 @@ def _is_taken_by_brltty() -> bool:
 
 
 def _ports() -> str:
-    """Returns a sentence on the ports of this computer."""
     from serial.tools.list_ports import comports
 
     known = [f"{port.device} ({port.description})" for port in comports()]

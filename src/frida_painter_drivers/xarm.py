@@ -258,7 +258,6 @@ class XarmRobot(Driver):
         return partial(XArmAPI, self.address, is_radian=False, do_not_open=True, **_SDK)
 
     def _open_connection(self, kind: Callable[..., Any]) -> Any:
-        """Returns an open connection."""
         made = self._interlock.asking("connect", kind)
         try:
             self._interlock.asking("connect", made.connect)
@@ -452,7 +451,6 @@ def _blend(path: NDArray[np.float64]) -> list[float | None]:
 
 
 def _name(code: int, names: Mapping[Any, Any]) -> str:
-    """Returns a code with what the SDK's table says of it."""
     title = names[code]["en"]["title"].rstrip(".") if code in names else ""
     return f"{code}: {title}" if title else f"{code} (see UFACTORY's manual)"
 

@@ -80,7 +80,6 @@ def _find_tar(file: Any) -> None:
 
 
 def _by_name(path: str, content: bytes) -> list[str]:
-    """Returns the file name and the folder of a picture."""
     folder, _, name = path.rpartition(".")[0].replace("_n_", "_and_").replace("_", " ").rpartition("/")
     return [name, folder]
 
@@ -95,7 +94,6 @@ def _by_character(path: str, content: bytes) -> list[str]:
 
 
 def _by_title(path: str, content: bytes) -> list[str]:
-    """Returns the title and the keywords in the RDF of a drawing."""
     try:
         work = ElementTree.fromstring(content).find(f".//{_WORK}")
     except ElementTree.ParseError:

@@ -177,7 +177,6 @@ def _keep(weights: NamedWeights, source: str, scratch: Path, folder: Path) -> Pa
 
 
 def _keep_file(weights: NamedWeights, file: PublishedFile, scratch: Path, folder: Path) -> str:
-    """Puts one file into the folder and returns its sha256."""
     brought, path = file.in_folder(scratch), folder / weights.find_name(file)
     path.parent.mkdir(exist_ok=True)
     try:
@@ -222,7 +221,6 @@ def _command(name: str, cache: Path | None) -> str:
 
 
 def _is_in(file: PublishedFile, path: Path) -> bool:
-    """Returns True if a file has the published hash."""
     if len(file.sha256) == 64:
         return _sha256(path) == file.sha256
     of_git = hashlib.sha1(b"blob %d\0" % path.stat().st_size, usedforsecurity=False)

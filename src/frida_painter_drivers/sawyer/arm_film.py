@@ -297,7 +297,6 @@ class ArmFilm:
             return
 
     def _shoot(self) -> None:
-        """Draws and encodes until the end of the film."""
         model = self._model
         try:
             with closing(ArmView(model, _ROWS, _COLUMNS)) as view:
