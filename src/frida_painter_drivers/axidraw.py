@@ -490,7 +490,7 @@ def _open(name: MachineName, workspace: Workspace) -> AxidrawRobot:
     read: dict[str, Callable[[str], Any]] = {
         "lift": lambda kind: str(LIFTS[kind] and kind), "servo": Servo.of, "up_speed": float, "down_speed": float,
     }  # fmt: skip
-    told = {option: name.choose(option, read[option], None) for option in name.options}
+    told: dict[str, Any] = {option: name.choose(option, read[option], None) for option in name.options}
     if workspace.painting_speed > MAX_SPEED:
         raise ConfigError(
             f"The workspace has a painting_speed of {workspace.painting_speed:g} m/s; an AxiDraw paints with at most "

@@ -39,11 +39,15 @@ class Shutter:
         self._known: set[bytes] = set()
         self._open = self._stuck = False
 
-    def _mark_connected(self) -> None:
+    def mark_connected(self) -> None:
         """Marks the camera as connected and forgets earlier photographs."""
         self._open, self._stuck, self._known = True, False, set()
 
-    def _require_open(self) -> None:
+    def mark_disconnected(self) -> None:
+        """Marks the camera as disconnected."""
+        self._open = False
+
+    def require_open(self) -> None:
         """Raises CameraError if the camera is not connected, or if an earlier call into its library never returned."""
         if not self._open:
             raise CameraError(f"{self.name} is not connected; call connect() first.")
@@ -52,7 +56,7 @@ class Shutter:
                 f"{self.name} did not answer the last time; look at it, then close it and connect it anew."
             )
 
-    def _asking(self, what: str, call: Callable[[], Answer], seconds: float) -> Answer:
+    def asking(self, what: str, call: Callable[[], Answer], seconds: float) -> Answer:
         """Returns the result of a call into a library. Raises CameraError if it fails or exceeds `seconds`."""
 
         def silent() -> CameraError:
@@ -67,11 +71,11 @@ class Shutter:
             failed=lambda why: CameraError(f"{what}: {self.name} failed ({why}); look at it."),
         )
 
-    def _knows(self, image: NDArray[np.uint8]) -> bool:
+    def knows(self, image: NDArray[np.uint8]) -> bool:
         """Returns True if an earlier photograph has the same pixels; no real camera takes one twice."""
         return _digest(image) in self._known
 
-    def _frame(self, image: object, captured_at: float, newer_than: float) -> Frame:
+    def frame(self, image: object, captured_at: float, newer_than: float) -> Frame:
         """Returns the photograph [rows, columns, 3] as a frame with the next number.
 
         Raises StaleFrame if it was taken at `newer_than` or before, or was given before.
@@ -87,7 +91,7 @@ class Shutter:
                 f"{self.name} has a photograph that is {time.monotonic() - captured_at:.1f} s old, taken before the "
                 "arm's last motion; take another."
             )
-        if self._knows(image):
+        if self.knows(image):
             raise StaleFrame(f"{self.name} gave the same photograph again, byte for byte; look whether it hangs.")
         self._taken += 1
         self._known.add(_digest(image))
@@ -123,20 +127,21 @@ class DeviceCamera(Shutter, ABC):
     def connect(self) -> None:
         """Opens the device. Raises CameraError; the message says what to install or to switch on."""
         self.close()
-        self._device = self._asking("connect", self._open_device, self.opening)
-        self._mark_connected()
+        self._device = self.asking("connect", self._open_device, self.opening)
+        self.mark_connected()
 
     def capture(self, newer_than: float) -> Frame:
         """Returns a photograph that was exposed after the call. Raises CameraError, StaleFrame."""
-        self._require_open()
+        self.require_open()
         asked = time.monotonic()
-        return self._frame(self._asking("photograph", self._photograph, self.looking), asked, newer_than)
+        return self.frame(self.asking("photograph", self._photograph, self.looking), asked, newer_than)
 
     def close(self) -> None:
         """Closes the device. Raises CameraError if the library fails."""
-        device, self._device, self._open = self._device, None, False
+        device, self._device = self._device, None
+        self.mark_disconnected()
         if device is not None:
-            self._asking("close", lambda: self._let_go(device), self.looking)
+            self.asking("close", lambda: self._let_go(device), self.looking)
 
 
 # Cameras that OpenCV can open, mainly webcams and V4L2 devices.
@@ -159,13 +164,13 @@ class OpencvCamera(DeviceCamera):
         except CameraError:
             self.close()
             raise
-        self._mark_connected()
+        self.mark_connected()
 
     def glance(self) -> NDArray[np.uint8]:
         """Returns the device's current frame [rows, columns, 3], possibly a buffered one. Raises CameraError."""
         import cv2
 
-        self._require_open()
+        self.require_open()
         seen, image = self._device.read()
         if not seen or not isinstance(image, np.ndarray):
             raise CameraError(f"{self.name} gives no picture any more; look at it and at its cable.")
@@ -240,9 +245,10 @@ class GphotoCamera(DeviceCamera):
     def _let_go(self, device: Any) -> None:
         device.exit()
 
-    def _asking(self, what: str, call: Callable[[], Answer], seconds: float) -> Answer:
+    def asking(self, what: str, call: Callable[[], Answer], seconds: float) -> Answer:
+        """Does as `Shutter.asking`, and adds advice for the errors that a person can remedy."""
         try:
-            return super()._asking(what, call, seconds)
+            return super().asking(what, call, seconds)
         except CameraError as error:
             code = getattr(error.__cause__, "code", None)
             if code not in _ADVICE:
@@ -303,7 +309,7 @@ class FolderCamera(Shutter):
                 f"{str(path)!r} is no folder, nor a picture in one; give the folder into which your camera's pictures "
                 f"come, or a file that it overwrites ({', '.join(picture_file.SUFFIXES)})."
             )
-        self._mark_connected()
+        self.mark_connected()
 
     def capture(self, newer_than: float) -> Frame:
         """Waits for a picture that was taken after `newer_than` (s, monotonic) and was not given before.
@@ -312,7 +318,7 @@ class FolderCamera(Shutter):
         Raises CameraError if the camera is not connected, the folder cannot be read, or the new picture is damaged
         or of an unknown kind.
         """
-        self._require_open()
+        self.require_open()
         until = time.monotonic() + self._patience
         known, self._refused = set(self._files()), ""
         strangers = set(self._all_files())
@@ -336,7 +342,7 @@ class FolderCamera(Shutter):
 
     def close(self) -> None:
         """Marks the camera as closed."""
-        self._open = False
+        self.mark_disconnected()
 
     def _read(self, file: _File, captured_at: float, newer_than: float) -> Frame | None:
         """Returns the photograph in a file; None if the file is incomplete, has changed, or holds an old picture."""
@@ -361,10 +367,10 @@ class FolderCamera(Shutter):
             if 0 <= file.age < _WRITING:
                 return self._read(file, captured_at, newer_than)
             raise CameraError(f"The newest picture cannot be used: {damage}") from damage
-        if self._knows(image):
+        if self.knows(image):
             self._refused = f"{file.path.name} shows, byte for byte, what was photographed before"
             return None
-        return self._frame(image, captured_at, newer_than)
+        return self.frame(image, captured_at, newer_than)
 
     def _require_usable(self, known: set[_File], age: float) -> None:
         """Raises CameraError if an unusable picture came that is not in `known`, at least `age` seconds ago.

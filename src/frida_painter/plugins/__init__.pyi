@@ -67,7 +67,7 @@ from frida_painter.virtual.studio import ArmAndTable as ArmAndTable
 from frida_painter.virtual.studio import StudioArm as StudioArm
 from frida_painter.virtual.tabletop import HandNoise as HandNoise
 from frida_painter.virtual.tabletop import StudioLayout as StudioLayout
-from frida_painter_drivers.cameras.shutter import Shutter as Shutter
+from frida_painter_drivers.cameras import Shutter as Shutter
 from frida_painter_together.policies import TurnAnswer as TurnAnswer
 from frida_painter_together.policies import TurnPolicy as TurnPolicy
 from frida_painter_together.policies import TurnTaken as TurnTaken

@@ -102,10 +102,11 @@ class Kinematics:
         turning = np.abs(np.diff(angles, axis=0)) / period
         # Reach first: near its limit the joints already race before the arm misses.
         for k in range(0, len(angles), _LOOK_EVERY):
+            place = "({:.3f}, {:.3f}, {:.3f}) m".format(*places[k])
             if not self.miss(angles[k], places[k]) <= _MISSED:
-                return "the arm does not reach ({:.3f}, {:.3f}, {:.3f}) m with the brush upright".format(*places[k])
+                return f"the arm does not reach {place} with the brush upright"
             if (touched := self.touching(angles[k])) is not None:
-                return "on the way to ({:.3f}, {:.3f}, {:.3f}) m {}".format(*places[k], touched)
+                return f"on the way to {place} {touched}"
         if not (turning <= _FASTEST).all():
             joint = int((turning / _FASTEST).max(0).argmax())
             fastest = turning[:, joint].max()
