@@ -219,7 +219,7 @@ class ForkedCommand(ForkedProcess):
 
 
 class _ForkedEasel(ForkedProcess):
-    """`python -m frida_painter.easel.host WIRE LINE ROBOT`, as EaselLaunch starts it."""
+    """`python -m frida_painter.easel.host WIRE LINE ROBOT`, as EaselProcess starts it."""
 
     def __init__(self, *words: Any, stdout: int, stderr: IO[Any], **more: Any) -> None:
         assert words[:2] == ("-m", "frida_painter.easel.host") and stdout == subprocess.DEVNULL
@@ -231,12 +231,12 @@ class _ForkedEasel(ForkedProcess):
 @contextmanager
 def forked_easels() -> Iterator[None]:
     """Easels' processes are forked from this one; all else about them stays."""
-    with patch("frida_painter.easel.launch.python_process", SimpleNamespace(start=_ForkedEasel)):
+    with patch("frida_painter.easel.parent.python_process", SimpleNamespace(start=_ForkedEasel)):
         yield
 
 
 @contextmanager
 def fresh_easels() -> Iterator[None]:
     """Within `forked_easels`: easels' processes are started as people have them."""
-    with patch("frida_painter.easel.launch.python_process", python_process):
+    with patch("frida_painter.easel.parent.python_process", python_process):
         yield

@@ -7,7 +7,7 @@ from typing import Self
 
 from pydantic import TypeAdapter
 
-from frida_painter.easel.kinds import HUMAN, MACHINES, NO_CAMERA, SIMULATED, require_equipment, require_known
+from frida_painter.easel.kinds import HUMAN, NO_CAMERA, is_machine, is_simulated, require_equipment
 from frida_painter_studio.reader import ask_reader
 
 LOCAL = "127.0.0.1"
@@ -35,7 +35,7 @@ class WebAppEasel:
     @cached_property
     def simulated(self) -> bool:
         """True if no real robot moves; cached, because it asks all installed packages."""
-        return self.robot in SIMULATED
+        return is_simulated(self.robot)
 
     @property
     def has_camera(self) -> bool:
@@ -58,7 +58,7 @@ class WebAppEasel:
         Raises ConfigError for an unknown robot, for a missing workspace file or camera, or for a wrong workspace
         file.
         """
-        if require_known(self.robot) in MACHINES:
+        if is_machine(self.robot):
             require_equipment(self.robot, self.workspace, self.camera)
         if self.workspace is None:
             return self

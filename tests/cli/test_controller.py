@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
+from frida_painter.easel.kinds import is_machine
 from frida_painter.errors import ConfigError, RobotDisconnected
 from frida_painter.hardware.workcell import example
-from frida_painter_calibration.commands.controller import examine_machine, is_machine
+from frida_painter_calibration.commands.controller import examine_machine
 from killing import ForkedCommand
 from machines.grbl import CLONE, GRBL, GrblController
 from machines.marlin import PLAIN, MarlinController

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frida_painter.easel import guiding
+from frida_painter.easel import connecting
 from frida_painter.errors import ConfigError, FamilyError, MotionFailed
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
@@ -43,7 +43,7 @@ def keyboard(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
 
 @pytest.fixture
 def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(guiding, "state_folder", lambda: tmp_path / "state")
+    monkeypatch.setattr(connecting, "state_folder", lambda: tmp_path / "state")
     monkeypatch.setattr("frida_painter_calibration.calibrating.default_record", lambda easel: tmp_path / "record.json")
     path = tmp_path / "studio.toml"
     path.write_text(example())

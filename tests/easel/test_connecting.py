@@ -11,13 +11,11 @@ import pytest
 from numpy.typing import NDArray
 
 from frida_painter.easel.connecting import connect_easel, warn_of_places
+from frida_painter.easel.connection import Link, Wire, make_remote
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Question
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.easel.host import Host
 from frida_painter.easel.operator import AbsentOperator
-from frida_painter.easel.parent import Link, RemoteRobot
-from frida_painter.easel.proxy import make_remote
-from frida_painter.easel.wire import Wire
 from frida_painter.errors import Interrupted, RobotError, WorkspaceViolation, ZeroUnknown
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
@@ -262,7 +260,7 @@ def test_the_limits_of_a_machine_come_through_the_link_as_they_are(upper: tuple[
     )
     serving.start()
     pulse: Any = SimpleNamespace(silent=0.0)
-    away = make_remote("robot", RemoteRobot)(Link(Wire(ours), pulse), WORKSPACE, patience=2.0, grace=5.0)
+    away = make_remote("robot", Link(Wire(ours), pulse).call)
     away.connect()
     assert away.travel_limits() == robot.travel
     ours.close()

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from frida_painter.canvas_size import CanvasSize
+from frida_painter.easel.connection import decode_error, encode_error
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
-from frida_painter.easel.proxy import decode_error, encode_error
 from frida_painter.errors import (
     CameraError,
     FridaError,

@@ -10,8 +10,8 @@ import pytest
 pytest.importorskip("franky")
 pytest.importorskip("franky_sim")
 
-from frida_painter.easel import guiding
-from frida_painter.easel.guiding import guide_arm
+from frida_painter.easel import connecting
+from frida_painter.easel.connecting import guide_arm
 from frida_painter.errors import MotionFailed, RobotError
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
@@ -22,7 +22,7 @@ from machines.franky_arm import BRUSH, FrankyArm, tip_positions
 def test_the_tip_of_a_guided_franka_is_recorded_and_nothing_moves_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(guiding, "state_folder", lambda: tmp_path / "state")
+    monkeypatch.setattr(connecting, "state_folder", lambda: tmp_path / "state")
     workcell = WorkcellConfig.of(tomllib.loads(example()), "example")
     along = np.linspace(0, 1, 800)
     places = np.c_[0.42 + 0.08 * along, 0.05 * np.sin(5 * along), 0.15 - 0.03 * np.sin(np.pi * along)]

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from frida_painter.easel import guiding
-from frida_painter.easel.guiding import guide_arm
+from frida_painter.easel import connecting
+from frida_painter.easel.connecting import guide_arm
 from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
@@ -34,7 +34,7 @@ def workcell() -> WorkcellConfig:
 
 @pytest.fixture(autouse=True)
 def state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    monkeypatch.setattr(guiding, "state_folder", lambda: tmp_path / "state")
+    monkeypatch.setattr(connecting, "state_folder", lambda: tmp_path / "state")
     return tmp_path / "state"
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter, ValidationError
 
 from frida_painter.easel.kinds import SIMULATION_LOG
-from frida_painter.easel.launch import EaselLaunch
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
@@ -18,6 +18,8 @@ from frida_painter.errors import ConfigError, RobotBusy, RobotDisconnected, Stal
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
 from session.easel_errands import PAINTS, easel_of, kill, order_in, paint
+
+ORDERS = TypeAdapter(EaselOrder)
 
 
 def here(order: EaselOrder) -> Easel:
@@ -70,18 +72,18 @@ def test_a_killed_painting_goes_on_in_the_next_process(tmp_path: Path) -> None:
 
 
 def test_when_the_painting_process_hangs_up_the_easels_ends_as_well(tmp_path: Path) -> None:
-    with EaselLaunch() as launch, EaselProcess(launch) as process:
+    with EaselProcess() as process, process:
         process.open(order_in(tmp_path)).robot.connect()
-        pid = launch.process.pid
+        pid = process._process.pid
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
 
 
 @pytest.mark.usefixtures("fresh_easel")
 def test_a_process_that_was_started_and_taken_over_by_nobody_ends_with_its_block() -> None:
-    with pytest.raises(ConfigError), EaselLaunch() as launch:
+    with pytest.raises(ConfigError), EaselProcess() as process:
         raise ConfigError("nothing is painted")
-    assert launch.process.poll() == -signal.SIGKILL
+    assert process._process.poll() == -signal.SIGKILL
 
 
 def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:
@@ -110,7 +112,7 @@ def test_a_robot_that_another_process_has_is_busy_and_free_when_that_one_is_dead
     [({"robot": "virtual"}, "canvas"), ({"pace": float("nan")}, "pace"), ({"surprise": 1}, "surprise")],
 )
 def test_an_order_that_is_none_is_refused(tmp_path: Path, record: dict, says: str) -> None:
-    whole = order_in(tmp_path).record()
-    with pytest.raises(ConfigError, match=says):
-        EaselOrder.of(record if says == "canvas" else {**whole, **record})
-    assert EaselOrder.of(whole) == order_in(tmp_path)
+    whole = ORDERS.dump_python(order_in(tmp_path), mode="json")
+    with pytest.raises(ValidationError, match=says):
+        ORDERS.validate_python(record if says == "canvas" else {**whole, **record})
+    assert ORDERS.validate_python(whole) == order_in(tmp_path)

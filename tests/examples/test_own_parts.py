@@ -20,7 +20,7 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
-from frida_painter.easel.kinds import MACHINES
+from frida_painter.easel.kinds import robot_forms
 from frida_painter.easel.open import make_camera, make_robot
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import CameraError, ConfigError
@@ -99,7 +99,7 @@ def test_help_doctor_and_errors_list_it(run: Run, monkeypatch: pytest.MonkeyPatc
     status, said = run("calibrate", "canvas", "--robot", "kuka")
     assert status == 2 and "take human, virtual, sawyer-sim, or a real one: xarm:" in said
     assert "trace:FILE[,append=yes]" in said
-    assert MACHINES["trace"] == "trace:FILE[,append=yes]"
+    assert "trace:FILE[,append=yes]" in robot_forms()
     with pytest.raises(ConfigError, match="brushes are fine, medium, broad, marker"):
         brush_kind("broom")
 

@@ -27,7 +27,7 @@ from frida_painter.cli.options import (
     tell_left_out,
 )
 from frida_painter.compiled import LoopCompiler
-from frida_painter.easel.launch import EaselLaunch
+from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import ConfigError
 from frida_painter.options import PaceOption, PictureOut, PlanFile, whole_number_within
 
@@ -94,7 +94,7 @@ def _paint(
     propose: str | None,
 ) -> None:
     """Paints a description; with `chosen`, by that plan."""
-    with EaselLaunch(spec.robot) as launch:  # loads in parallel with this process
+    with EaselProcess(spec.robot) as process:  # loads in parallel with this process
         from frida_painter.cli.leading import Leader, answer_early, ready_planner, say_films
         from frida_painter.cli.stop_signal import stop_on_signals
         from frida_painter.devices import prepare_process
@@ -103,7 +103,7 @@ def _paint(
         prepare_process()
         with stop_on_signals() as stop, PaintingRun(spec, out) as run:
             say_films(run.spec)
-            run.load_easel(launch)
+            run.load_easel(process)
             ready_planner(run, stop, out)
             stop.at_once = run.open_easel(hear_signals=True, answer=answer_early(run) if asked else None).robot.stop
             with Leader(

@@ -14,7 +14,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import examine_robot
-from frida_painter.easel.kinds import MACHINES, NO_CAMERA, SIMULATED, VIRTUAL, easel_kind, require_known, state_folder
+from frida_painter.easel.kinds import NO_CAMERA, VIRTUAL, easel_kind, is_machine, is_simulated, state_folder
 from frida_painter.easel.open import find_reach, make_robot, open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import ConfigError, RobotError, WorkspaceViolation
@@ -230,7 +230,7 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         reach: Reach | None = workcell.reach
         timing: Timing | AxisTiming | None = None
         told: Examination | None = None
-        if robot is not None and require_known(robot) in MACHINES:
+        if robot is not None and is_machine(robot):
             driver = make_robot(robot, workcell.workspace)
             reach = find_reach(workcell, driver)
             timing = driver.timing() if isinstance(driver, TimedRobot) else None
@@ -240,11 +240,11 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         kind = None if robot is None else easel_kind(robot)
         if kind is not None and kind.reach_from is not None:  # its base is the workspace's origin
             reach, timing = kind.reach_from(workcell.workspace, workcell.canvas)
-        known, simulated = workcell.calibration(first, others=others), robot in SIMULATED
+        known, simulated = workcell.calibration(first, others=others), robot is not None and is_simulated(robot)
         travel, facts = (None, ()) if told is None else (told.travel, told.facts)
         refusals = tuple(fact.text for fact in facts if fact.weight == "refusal")
         return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, refusals)
-    if robot is not None and require_known(robot) in MACHINES:
+    if robot is not None and is_machine(robot):
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
     order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brushes, 0, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel

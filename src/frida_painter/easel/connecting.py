@@ -1,6 +1,7 @@
-"""Examination and connection of a machine before anything moves; a lost zero is found again."""
+"""Examination, connection and guiding of a machine before a painting; a lost zero is found again."""
 
 import math
+import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
@@ -11,34 +12,42 @@ from numpy.typing import NDArray
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Procedure, Question, lead
 from frida_painter.easel.kinds import state_folder
-from frida_painter.easel.lock import hold_machines
-from frida_painter.easel.open import machines, make_robot
-from frida_painter.easel.order import EaselOrder
-from frida_painter.errors import RobotDisconnected, RobotError, WorkspaceViolation, ZeroUnknown
+from frida_painter.easel.open import hold_machines, identities, make_robot
+from frida_painter.errors import (
+    ConfigError,
+    RobotDisconnected,
+    RobotError,
+    RobotStopped,
+    WorkspaceViolation,
+    ZeroUnknown,
+)
 from frida_painter.hardware.deadline import in_our_errors, within
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
-from frida_painter.hardware.latch import shared_folder, why_private
+from frida_painter.hardware.latch import HOW_TO_ARM, latch_of, shared_folder, why_private
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import (
     Examination,
     ExaminedRobot,
+    GuidedRobot,
     LimitedRobot,
     MachineFact,
     TimedRobot,
     Waypoints,
     Workspace,
-    Zero,
     ZeroedRobot,
 )
 from frida_painter.hardware.timing import AxisTiming, TravelLimits
+from frida_painter.hardware.workcell import WorkcellConfig
 
 _MAX_STEP = 0.02  # metres of a jog
 _ROOM = 2.0  # metres that a person may jog along one axis, in all
 _AXES = ("x", "y", "z")
 _PATIENCE = 20.0  # seconds: an examination takes ten, and a driver may hang
-_SOME_CANVAS = CanvasSize(0.3, 0.2)
 _SLOWER = 0.95  # share of the wanted speed below which a person is told
+GUIDED_RATE = 50
+"""Samples of a guided tip per second, at most."""
+_LONGEST = 3600.0  # seconds that an arm is guided
 
 
 def connect_easel(easel: Easel, answer: Callable[[Question], Answer] | None, tell: Callable[[str], None]) -> Easel:
@@ -60,19 +69,17 @@ def connect_easel(easel: Easel, answer: Callable[[Question], Answer] | None, tel
     robot.connect()
     if isinstance(robot, ZeroedRobot) and not (zero := robot.zero()).known:
         if answer is None:
-            raise _refusal(zero, "nobody is there to find it again; start it in a terminal or in the studio")
+            raise _refusal(zero.lost, "nobody is there to find it again; start it in a terminal or in the studio")
         lead(find_zero(easel, robot), answer)
-    timing = robot.timing() if isinstance(robot, TimedRobot) else None
-    if timing is not None:
+    warnings: list[str] = []
+    if isinstance(robot, TimedRobot) and (timing := robot.timing()) is not None:
         easel = replace(easel, timing=timing)
-        for sentence in warn_of_speeds(timing, easel.workspace):
-            tell(sentence)
-    travel = robot.travel_limits() if isinstance(robot, LimitedRobot) else None
-    if travel is not None:
+        warnings += warn_of_speeds(timing, easel.workspace)
+    if isinstance(robot, LimitedRobot) and (travel := robot.travel_limits()) is not None:
         easel = replace(easel, travel=travel)
-        lowest = easel.calibration.press_height
-        for sentence in warn_of_places(travel, easel.workspace, easel.canvas, lowest):
-            tell(sentence)
+        warnings += warn_of_places(travel, easel.workspace, easel.canvas, easel.calibration.press_height)
+    for sentence in warnings:
+        tell(sentence)
     easel.camera.connect()
     return easel
 
@@ -89,8 +96,7 @@ def examine_robot(name: str, workspace: Workspace, *, compare: bool = True) -> E
     if not isinstance(driver, ExaminedRobot):
         return None
     with ExitStack() as stack:
-        order = EaselOrder(name, _SOME_CANVAS, ("broad",), 0, state_folder())
-        hold_machines(stack, order.state, machines(order))
+        hold_machines(stack, state_folder(), identities(name))
         found = in_our_errors(
             lambda: within(_PATIENCE, name, driver.examine),
             late=lambda: RobotDisconnected(
@@ -102,6 +108,48 @@ def examine_robot(name: str, workspace: Workspace, *, compare: bool = True) -> E
         return found
     slow = (MachineFact(sentence, "warning") for sentence in warn_of_speeds(found.timing, workspace))
     return replace(found, facts=(*found.facts, *slow))
+
+
+def guide_arm(
+    name: str,
+    workcell: WorkcellConfig,
+    hear: Callable[[NDArray[np.float64], float], None],
+    ended: Callable[[], bool],
+) -> None:
+    """Releases a named arm for a person's hand, and tells where its tip is until `ended`, or for an hour.
+
+    hear: receives the tip [3] in metres of the robot's frame, and the seconds since the release
+    ended: asked after every sample
+
+    The arm holds its place afterwards, also after an error, and is stopped until a person arms it. The stop is stored
+    before the arm is released, so that it holds even if this process is killed in between.
+    Raises ConfigError if the robot cannot be guided, RobotBusy if another process uses it, RobotStopped if it is
+    stopped, RobotError and its subclasses.
+    """
+    driver = make_robot(name, workcell.workspace)
+    if not isinstance(driver, GuidedRobot):
+        raise ConfigError(
+            f"{name[:60]!r} cannot be guided by hand; xarm and franka can. Of another robot, record trajectories into "
+            "a folder of .json or .csv files, and teach that folder."
+        )
+    state, known = state_folder(), identities(name)
+    with ExitStack() as stack:
+        hold_machines(stack, state, known)
+        latch = latch_of(state, workcell.easel, known)
+        if (stopped := latch.read()) is not None:
+            raise RobotStopped(f"{stopped}. It is not released before somebody has looked: {HOW_TO_ARM}")
+        latch.engage("it was released to be guided by hand")
+        stack.callback(driver.end_guiding)
+        driver.begin_guiding()
+        began, now, due = time.monotonic(), 0.0, 0.0
+        while now < _LONGEST:
+            hear(driver.guided_tip(), now)
+            if ended():
+                return
+            due = max(due + 1 / GUIDED_RATE, now)
+            now = time.monotonic() - began
+            time.sleep(max(0.0, due - now))
+            now = time.monotonic() - began
 
 
 def warn_of_speeds(timing: AxisTiming, workspace: Workspace) -> list[str]:
@@ -134,16 +182,14 @@ def warn_of_places(travel: TravelLimits, workspace: Workspace, canvas: CanvasSiz
     }
     if workspace.home is not None:
         places["home"] = np.array([workspace.home])
-    beyond = {name for name, place in places.items() if travel.beyond(place).any()}
-    whole = np.concatenate(list(places.values()))
-    axes = np.flatnonzero(travel.beyond(whole).any(0)).tolist()
+    axes = np.flatnonzero(travel.beyond(np.concatenate(list(places.values()))).any(0)).tolist()
     if not axes:
         return []
     limits = ", ".join(f"{_AXES[axis]} {travel.describe(axis)}" for axis in axes)
-    what = ", ".join(name for name in places if name in beyond) or "all places of the workspace together"
+    beyond = ", ".join(name for name, place in places.items() if travel.beyond(place).any())
     return [
-        f"The machine's own limits ({limits}) do not include {what}; motions there are refused. Make the workspace "
-        "true, or change the machine's limits if they are wrong."
+        f"The machine's own limits ({limits}) do not include {beyond or 'all places of the workspace together'}; "
+        "motions there are refused. Make the workspace true, or change the machine's limits if they are wrong."
     ]
 
 
@@ -157,20 +203,26 @@ def find_zero(easel: Easel, robot: ZeroedRobot) -> Procedure[None]:
     if zero.homes and (yield Confirm(f"{lost} Shall it drive to its limit switches now? Keep its way free.")) is True:
         robot.find_zero()
         return
-    corner = np.array([*easel.workspace.canvas_origin[:2], easel.calibration.touch_height])
+    origin, touch = easel.workspace.canvas_origin, easel.calibration.touch_height
     here = easel.robot.pose()
-    told = f"{lost} It says that the tip is {_place(here, easel)}. Is it exactly there?"
+    x, y = 1000 * easel.workspace.to_canvas(here[None])[0]
+    up = 1000 * (here[2] - touch)
+    told = (
+        f"{lost} It says that the tip is {abs(x):.0f} mm {'right' if x >= 0 else 'left'} of the bottom-left corner of "
+        f"the canvas, {abs(y):.0f} mm {'beyond' if y >= 0 else 'before'} it and {abs(up):.0f} mm "
+        f"{'above' if up >= 0 else 'below'} lightest touch. Is it exactly there?"
+    )
     if (yield Confirm(told, proposal=False)) is True:
         robot.set_zero(here)
         return
     while True:
         yield from _jog_to(robot, "the bottom-left corner of the canvas, in lightest touch")
-        robot.set_zero(corner)
+        robot.set_zero(np.array([*origin[:2], touch]))
         if (yield from _is_at_other_corner(easel)):
             return
         again = "Then it is to be done once more; the motors may have lost steps, or the canvas has moved. Go on?"
         if (yield Confirm(again)) is not True:
-            raise _refusal(Zero("nobody has found it"), "jog to the corner once more when the canvas lies still")
+            raise _refusal("nobody has found it", "jog to the corner once more when the canvas lies still")
 
 
 def _is_at_other_corner(easel: Easel) -> Procedure[bool]:
@@ -206,7 +258,7 @@ def _jog_to(robot: ZeroedRobot, where: str) -> Procedure[None]:
             move = yield Jog(f"{task}; ok when it is there.", gone, -_ROOM, _ROOM, remark=refused)
             refused = ""
             if not isinstance(move, JogMove) or not abs(move.step) <= _ROOM:
-                raise _refusal(Zero("the jog was not understood"), "type millimetres, u, d or ok")
+                raise _refusal("the jog was not understood", "type millimetres, u, d or ok")
             if move.settled:
                 break
             try:
@@ -217,15 +269,5 @@ def _jog_to(robot: ZeroedRobot, where: str) -> Procedure[None]:
                 refused = f"Not moved: {beyond}"
 
 
-def _place(tip: NDArray[np.float64], easel: Easel) -> str:
-    """Returns the position of a tip in words, as seen from the canvas's corner."""
-    x, y = 1000 * easel.workspace.to_canvas(tip[None])[0]
-    up = 1000 * (tip[2] - easel.calibration.touch_height)
-    return (
-        f"{abs(x):.0f} mm {'right' if x >= 0 else 'left'} of the bottom-left corner of the canvas, {abs(y):.0f} mm "
-        f"{'beyond' if y >= 0 else 'before'} it and {abs(up):.0f} mm {'above' if up >= 0 else 'below'} lightest touch"
-    )
-
-
-def _refusal(zero: Zero, remedy: str) -> ZeroUnknown:
-    return ZeroUnknown(f"The machine does not know where its brush is ({zero.lost}); {remedy}. Nothing was moved.")
+def _refusal(lost: str, remedy: str) -> ZeroUnknown:
+    return ZeroUnknown(f"The machine does not know where its brush is ({lost}); {remedy}. Nothing was moved.")

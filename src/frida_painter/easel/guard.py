@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from frida_painter.errors import (
     CameraError,
     FridaError,
-    PoseMismatch,
     RobotBusy,
     RobotDisconnected,
     RobotError,
@@ -53,8 +52,9 @@ T = TypeVar("T")
 
 # Seconds that a driver may take to end its motion after a stop and to send the stop, and a disk to store it.
 _WIND_DOWN, _SENDING, _WRITING = 1.0, 1.0, 10.0
-_TOLERANCE, _ARRIVED = 1e-6, 0.002
+_TOLERANCE = 1e-6
 _HOMING, _JOGGING = 300.0, 60.0  # seconds
+_HELD = 3600.0  # the longest time for which a person may hold a machine whose controller tells so, seconds
 
 MAX_JOG = 0.05
 """Longest step of a jog, metres."""
@@ -66,6 +66,7 @@ class GuardedRobot:
     latch: keeps a stop over restarts (Latch); for a simulated robot it does not (Unlatched)
     claim: reserves the robot for this process by the serial number that it states once connected; raises RobotBusy
         if another process has it
+    promise: receives the seconds within which a motion that begins now has ended
     patience, grace: time limit of a motion: `patience` times the duration of its way, plus `grace` seconds
     connecting: seconds that the connection may take
 
@@ -84,8 +85,9 @@ class GuardedRobot:
         grace: float = 5.0,
         connecting: float = 30.0,
         claim: Callable[[str], object] = lambda identity: None,
+        promise: Callable[[float], object] = lambda seconds: None,
     ) -> None:
-        self._claim = claim
+        self._claim, self._promise = claim, promise
         self.robot, self.workspace, self.latch = robot, workspace, latch
         self._patience, self._grace, self._connecting = patience, grace, connecting
         self._caller = Caller("robot")
@@ -124,6 +126,21 @@ class GuardedRobot:
         self._zero = self.zero()
         if self._zero.known:
             self._enter_workspace()
+
+    def _recognise(self) -> None:
+        """Checks by the robot's serial number if it was stopped, or is in use, under another name."""
+        number = str(getattr(self.robot, "serial_number", "") or "")
+        if not number or isinstance(self.latch, Unlatched):
+            return
+        identity = f"serial number {number}"
+        try:
+            self._claim(identity)
+            self.latch.machines |= {identity}
+            self._stop = self._stop or self.latch.read()
+            self._require_armed("connect")
+        except RobotError:
+            self.close()
+            raise
 
     def _enter_workspace(self) -> None:
         """Reads the position. Raises WorkspaceViolation if it is outside the workspace; the robot is closed then."""
@@ -183,6 +200,20 @@ class GuardedRobot:
         self._call("set zero", lambda: robot.set_zero(tip), self._grace)
         self._take_zero()
 
+    def _zeroed(self, label: str) -> ZeroedRobot:
+        if not isinstance(self.robot, ZeroedRobot):
+            raise RobotError(
+                f"{label}: this robot always knows where it is, and its zero cannot be set from here; make the "
+                "workspace true, or repeat the robot calibration."
+            )
+        return self.robot
+
+    def _take_zero(self) -> None:
+        """Reads again if the zero is known, and where the tip is then."""
+        self._zero = self.zero()
+        self._require_zero("zero")
+        self._enter_workspace()
+
     def timing(self) -> AxisTiming | None:
         """Returns the limits that the controller told at connection; None if it told none."""
         return self._timing
@@ -204,61 +235,31 @@ class GuardedRobot:
             return False
         return self._call("pause button", self.robot.wants_pause, self._grace) is True
 
-    def _zeroed(self, label: str) -> ZeroedRobot:
-        if not isinstance(self.robot, ZeroedRobot):
+    def feels(self) -> Sense | None:
+        """Returns how the robot feels a touch; None if it does not."""
+        return self.robot.sense if isinstance(self.robot, TouchProbe) else None
+
+    def stop_line(self) -> StopLine | None:
+        """Returns the line over which another process can stop the robot; None if it has none or is closed."""
+        return self.robot.stop_line() if isinstance(self.robot, LineStoppedRobot) else None
+
+    def pose(self) -> NDArray[np.float64]:
+        """Returns the position of the tip, [3] metres. Raises RobotError if the robot does not know it."""
+        tip = self._call("pose", self.robot.pose, self._grace)
+        if not _is_place(tip):
             raise RobotError(
-                f"{label}: this robot always knows where it is, and its zero cannot be set from here; make the "
-                "workspace true, or repeat the robot calibration."
+                "The robot does not know where its tip is, and it was not moved; home it as its maker says, then start "
+                "again."
             )
-        return self.robot
-
-    def _take_zero(self) -> None:
-        """Reads again if the zero is known, and where the tip is then."""
-        self._zero = self.zero()
-        self._require_zero("zero")
-        self._enter_workspace()
-
-    def _require_zero(self, label: str) -> None:
-        if not self._zero.known:
-            raise ZeroUnknown(
-                f"{label}: nothing moves, because the robot does not know where its brush is ({self._zero.lost}); find "
-                "its zero again: paint, resume or calibrate in a terminal or in the studio ask for it."
-            )
-
-    def _recognise(self) -> None:
-        """Checks by the robot's serial number if it was stopped, or is in use, under another name."""
-        number = str(getattr(self.robot, "serial_number", "") or "")
-        if not number or isinstance(self.latch, Unlatched):
-            return
-        identity = f"serial number {number}"
-        try:
-            self._claim(identity)
-            self.latch.machines |= {identity}
-            self._stop = self._stop or self.latch.read()
-            self._require_armed("connect")
-        except RobotError:
-            self.close()
-            raise
+        return np.asarray(tip, np.float64)
 
     def home(self) -> MotionReport:
         """Moves to the home position. Raises RobotError and its subclasses."""
         self._require_zero("home")
         self._lift_first()
         here = self.workspace
-        across = np.stack(
-            (here.lower, (*here.lower[:2], here.upper[2]), here.upper)
-        )  # the longest way: up, then across
-        return self._move("home", self.robot.home, self._seconds(across, here.travel_speed, None))
-
-    def pose(self) -> NDArray[np.float64]:
-        """Returns the position of the tip, [3] metres. Raises RobotError if the robot does not know it."""
-        tip = np.asarray(self._call("pose", self.robot.pose, self._grace))
-        if not (tip.shape == (3,) and tip.dtype.kind in "fi" and np.isfinite(tip).all()):
-            raise RobotError(
-                "The robot does not know where its tip is, and it was not moved; home it as its maker says, then start "
-                "again."
-            )
-        return tip.astype(np.float64)
+        longest = np.stack((here.lower, (*here.lower[:2], here.upper[2]), here.upper))  # up, then across
+        return self._move("home", self.robot.home, longest, here.travel_speed)
 
     def follow(self, waypoints: Waypoints) -> MotionReport:
         """Moves along waypoints inside the workspace.
@@ -269,12 +270,7 @@ class GuardedRobot:
         gateway.check([waypoints], self.workspace)
         self._require_zero(waypoints.label)
         self._lift_first()
-        seconds = self._seconds(waypoints.position, waypoints.speed, self._tip)
-        return self._move(waypoints.label, lambda: self.robot.follow(waypoints), seconds)
-
-    def feels(self) -> Sense | None:
-        """Returns how the robot feels a touch; None if it does not."""
-        return self.robot.sense if isinstance(self.robot, TouchProbe) else None
+        return self._follow(waypoints)
 
     def touch(self, lowest: float, speed: float) -> MotionReport:
         """Moves straight down inside the workspace until the brush touches something.
@@ -296,7 +292,7 @@ class GuardedRobot:
                 f"touch: the tip stands at {tip[2]:.4f} m, below {lowest:.4f} m; nothing was sent to the robot; "
                 "raise the brush first."
             )
-        return self._move(down.label, lambda: robot.touch(lowest, speed), self._seconds(down.position, speed, None))
+        return self._move(down.label, lambda: robot.touch(lowest, speed), down.position, speed)
 
     def stop(self, reason: str = "it was asked for", *, asked: bool = False) -> None:
         """Stops at once and latches; may be called from any thread, repeatedly. The first reason stays.
@@ -314,10 +310,6 @@ class GuardedRobot:
             self._latching = threading.Thread(target=self._latch, args=(reason,), daemon=True)
             self._latching.start()
         sending.join(_SENDING)
-
-    def stop_line(self) -> StopLine | None:
-        """Returns the line over which another process can stop the robot; None if it has none or is closed."""
-        return self.robot.stop_line() if isinstance(self.robot, LineStoppedRobot) else None
 
     def close(self) -> None:
         """Disconnects from the robot, and waits until a stop is stored."""
@@ -342,23 +334,24 @@ class GuardedRobot:
         """Raises a low brush vertically, once after connection: it may stand on the canvas or in a well."""
         here, hover = self.workspace, self.workspace.hover
         surface = here.canvas_origin[2] if here.rack is None else here.top  # or among brushes
-        clear = min(surface + hover, self.workspace.upper[2])
-        if self._lifted or self._tip is None or self._tip[2] >= surface + hover / 2:
-            self._lifted = True
-            return
-        up = Waypoints("lift", np.array([[*self._tip[:2], clear]]), self.workspace.travel_speed)
-        self._move(up.label, lambda: self.robot.follow(up), self._seconds(up.position, up.speed, self._tip))
+        if not self._lifted and self._tip is not None and not self._tip[2] >= surface + hover / 2:
+            clear = min(surface + hover, here.upper[2])
+            self._follow(Waypoints("lift", np.array([[*self._tip[:2], clear]]), here.travel_speed))
         self._lifted = True
 
-    def _seconds(self, path: NDArray[np.float64], speed: float, start: NDArray[np.float64] | None) -> float:
-        """Returns the duration of a way from `start` through `path` at the speeds that the robot can do."""
-        whole = path if start is None else np.concatenate([start[None], path])
-        return motion_seconds(self._timing, whole, speed)
+    def _follow(self, way: Waypoints) -> MotionReport:
+        whole = way.position if self._tip is None else np.concatenate([self._tip[None], way.position])
+        return self._move(way.label, lambda: self.robot.follow(way), whole, way.speed)
 
-    def _move(self, label: str, act: Callable[[], MotionReport], seconds: float) -> MotionReport:
-        report = self._act(label, act, seconds * self._patience + self._grace, self._require_sense)
-        self._tip = np.asarray(report.reached, np.float64)
-        self._require_there(label, self.pose())
+    def _move(
+        self, label: str, act: Callable[[], MotionReport], path: NDArray[np.float64], speed: float
+    ) -> MotionReport:
+        """Moves along about this path [k, 3] (m), and checks that the tip stands where the report says."""
+        seconds = motion_seconds(self._timing, path, speed) * self._patience + self._grace
+        report = self._act(label, act, seconds, _require_report)
+        self._tip = reached = np.asarray(report.reached, np.float64)
+        self._tip = self.pose()
+        gateway.require_arrived(label, self._tip, reached, "it says it went")
         return report
 
     def _act(
@@ -370,6 +363,7 @@ class GuardedRobot:
     ) -> T:
         """Returns the result of a motion that passed `require`. Stops and latches the robot after a fault."""
         self._require_armed(label)
+        self._promise(within + 2 * self._grace + (0.0 if self._timing is None else _HELD))
         self._moving.set()
         try:
             result = self._call(label, act, within)
@@ -391,7 +385,7 @@ class GuardedRobot:
         began = steady()
 
         def until() -> float:
-            if self._moving_and_stopped:
+            if self._moving.is_set() and self._stop is not None:
                 return min(began + within, self._stopped_at + _WIND_DOWN)
             if self._moving.is_set():  # a machine that moves, or that a person holds, is not lost
                 return max(began + within, self.alive_at() + self._grace)
@@ -408,34 +402,11 @@ class GuardedRobot:
             ),
         )
 
-    @property
-    def _moving_and_stopped(self) -> bool:
-        return self._moving.is_set() and self._stop is not None
-
-    def _require_sense(self, label: str, report: object) -> None:
-        sound = isinstance(report, MotionReport)
-        if isinstance(report, MotionReport):
-            reached, times = np.asarray(report.reached), (report.started_at, report.finished_at)
-            sound = (
-                reached.shape == (3,)
-                and reached.dtype.kind in "fi"
-                and bool(np.isfinite(reached).all())
-                and all(isinstance(time, int | float) and np.isfinite(time) for time in times)
-                and times[0] <= times[1]
-            )
-        if not sound:
-            raise RobotError(
-                f"{label}: the robot reported {_shortly(report)}, which is no report of a motion; nobody knows where "
-                "its tip is. Look at it before going on."
-            )
-
-    def _require_there(self, label: str, tip: NDArray[np.float64]) -> None:
-        away = self._away_from(tip)
-        self._tip = tip
-        if not away <= _ARRIVED:
-            raise PoseMismatch(
-                f"{label}: the robot says it is done, but its tip is {away * 1000:.1f} mm from where it says it went; "
-                f"allowed are {_ARRIVED * 1000:g} mm. Look at the robot, then repeat the robot calibration."
+    def _require_zero(self, label: str) -> None:
+        if not self._zero.known:
+            raise ZeroUnknown(
+                f"{label}: nothing moves, because the robot does not know where its brush is ({self._zero.lost}); find "
+                "its zero again: paint, resume or calibrate in a terminal or in the studio ask for it."
             )
 
     def _require_armed(self, label: str) -> None:
@@ -448,8 +419,24 @@ class GuardedRobot:
         told = f"{label}: nothing moves, {self._stop.easel} was stopped ({why}); {self.latch.remedy}"
         return RobotStopped(told, asked=self._asked)
 
-    def _away_from(self, point: NDArray[np.float64]) -> float:
-        return 0.0 if self._tip is None else float(np.linalg.norm(point - self._tip))
+
+def _require_report(label: str, report: object) -> None:
+    """Raises RobotError unless it reports a motion with a place of the tip and times in order."""
+    sound = isinstance(report, MotionReport) and _is_place(report.reached)
+    if isinstance(report, MotionReport):
+        began, ended = report.started_at, report.finished_at
+        sound &= all(isinstance(at, int | float) and math.isfinite(at) for at in (began, ended)) and began <= ended
+    if not sound:
+        raise RobotError(
+            f"{label}: the robot reported {_shortly(report)}, which is no report of a motion; nobody knows where "
+            "its tip is. Look at it before going on."
+        )
+
+
+def _is_place(told: object) -> bool:
+    """Returns True for three finite numbers."""
+    place = np.asarray(told)
+    return place.shape == (3,) and place.dtype.kind in "fi" and bool(np.isfinite(place).all())
 
 
 def _millimetres(point: NDArray[np.float64]) -> str:
@@ -461,11 +448,8 @@ def _shortly(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-# The guard around a camera: a call ends in limited time, with a photograph or with a typed error.
-
-
 class GuardedCamera:
-    """Camera under guard: wraps another camera, with a time limit of `patience` seconds per call.
+    """Camera under guard: a call ends within `patience` seconds, with a photograph or with a typed error.
 
     Implements hardware.robot.Camera.
     """

@@ -1,17 +1,19 @@
 """The easel's process: owns robot and camera, and answers the painting process's requests one after another.
 
-A request names a part of the easel and its task. The answer contains the result, or the class and the message of a
-FridaError.
+easel/parent.py starts it as `python -m frida_painter.easel.host WIRE LINE ROBOT`: two inherited sockets, and the name
+of the easel that will be ordered, or "". Requests come over the first socket, heartbeats and stops over the second. No
+work of the painting process delays a stop here.
 """
 
 import contextlib
+import math
 import os
 import signal
 import socket
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,17 +24,16 @@ from typing import Any, NoReturn
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import TypeAdapter
 
 from frida_painter import storage
 from frida_painter.devices import prepare_process
+from frida_painter.easel.connection import Arrays, Wire, encode_error, find_request
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
-from frida_painter.easel.lock import hold_machines
-from frida_painter.easel.open import is_simulated, load_easel, machines, open_easel
-from frida_painter.easel.order import EaselFacts, EaselOrder
-from frida_painter.easel.proxy import Arrays, encode_error, find_request
+from frida_painter.easel.open import hold_machines, is_simulated, load_easel, machines, open_easel
+from frida_painter.easel.order import FACTS, EaselFacts, EaselOrder
 from frida_painter.easel.watchdog import ENDED, MACHINE, SIMULATED, STOP, CpuActivity, StopFile, Watch
-from frida_painter.easel.wire import Wire
 from frida_painter.errors import FridaError, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.deadline import one_line
 from frida_painter.hardware.easel import Operator
@@ -112,12 +113,10 @@ class LivePicture:
 
     def _run(self) -> None:
         while not self._over.wait(self._between):
-            try:
+            with contextlib.suppress(Exception):  # whatever it is, the next picture may succeed
                 picture = self._camera.glance()
                 if picture is not None:
                     storage.write_bytes(self._path, encode_jpeg(picture))
-            except Exception:  # whatever it is, the next picture may succeed
-                continue
         self._path.unlink(missing_ok=True)  # a picture that came late
 
 
@@ -129,36 +128,6 @@ def encode_jpeg(picture: NDArray[np.uint8]) -> bytes:
     return content.tobytes()
 
 
-# The main program of the easel's process. It stops the robot if it must.
-# easel/launch.py starts it as `python -m frida_painter.easel.host WIRE LINE ROBOT`: two inherited sockets, and the
-# name of the easel that will be ordered, or "". Requests come over the first socket, heartbeats and stops over the
-# second. No work of the painting process delays a stop here.
-
-
-@dataclass(frozen=True)
-class _Deadlines:
-    """Time limits of robot and camera, seconds.
-
-    patience: factor by which a motion may exceed the duration of its way
-    grace: added to the limit of a motion
-    connecting: for the connection
-    photograph: for a call of the camera
-    answer: after which the painting process gives up this one, for requests without motion
-    """
-
-    patience: float
-    grace: float
-    connecting: float
-    photograph: float
-    answer: float
-
-
-_REAL = _Deadlines(patience=2.0, grace=5.0, connecting=30.0, photograph=30.0, answer=60.0)
-# The speed of a simulated robot depends on the computer, which may be busy or asleep. A person can always stop it.
-_DAY = 86400.0
-_SLOW = _Deadlines(patience=20.0, grace=_DAY, connecting=_DAY, photograph=_DAY, answer=_DAY + 60.0)
-
-
 def main(wire_file: int, line_file: int, robot: str) -> None:
     """Loads the parts for that robot, waits for the order, and serves the easel until the painting ends or is gone."""
     # Ctrl-C and a closed terminal concern the painting process, which then tells this one what to do.
@@ -167,17 +136,14 @@ def main(wire_file: int, line_file: int, robot: str) -> None:
     prepare_process()
     load_easel(robot)
     wire, line = Wire(socket.socket(fileno=wire_file)), socket.socket(fileno=line_file)
-    try:
-        order = EaselOrder.of(wire.receive()[0]["order"])
-    except RobotDisconnected:
-        return  # the painting process ended before it sent an order
-    last_words: dict[str, Any] = {}
-    try:
-        asked_to_end = _serve(order, wire, line)
-    except FridaError as error:
-        asked_to_end, last_words = True, encode_error(error)
-    if asked_to_end:
-        with contextlib.suppress(RobotDisconnected):
+    with contextlib.suppress(RobotDisconnected):  # the painting process ended before it sent an order, or heard the end
+        order = TypeAdapter(EaselOrder).validate_python(wire.receive()[0]["order"])
+        last_words: dict[str, Any] = {}
+        try:
+            asked_to_end = _serve(order, wire, line)
+        except FridaError as error:
+            asked_to_end, last_words = True, encode_error(error)
+        if asked_to_end:
             wire.send(last_words)
 
 
@@ -190,20 +156,20 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         stack.callback(opened.close)
         easel = opened.easel
         simulated, known_as = is_simulated(order), easel.calibration.easel
-        latch = Unlatched(known_as) if simulated else latch_of(order.state, known_as, known)
-        given = _SLOW if simulated else _REAL
+        # The speed of a simulated robot depends on the computer, which may be busy or asleep. A person can always stop
+        # it.
+        patience: dict[str, float] = {"grace": math.inf, "connecting": math.inf} if simulated else {}
         robot = GuardedRobot(
             easel.robot,
             easel.workspace,
-            latch,
-            patience=given.patience,
-            grace=given.grace,
-            connecting=given.connecting,
+            Unlatched(known_as) if simulated else latch_of(order.state, known_as, known),
             claim=lambda identity: hold_machines(stack, order.state, {identity}),
+            promise=lambda seconds: wire.send({"within": seconds}),
+            **patience,
         )
         if robot.stopped is not None:
             raise RobotStopped(f"{robot.stopped}. Nothing moves until somebody has looked: {HOW_TO_ARM}")
-        camera = GuardedCamera(easel.camera, patience=given.photograph)
+        camera = GuardedCamera(easel.camera, **({"patience": math.inf} if simulated else {}))
         stack.callback(_say_end, line, robot)
         stack.callback(robot.close)
         stack.push(partial(_stop_if_unexpected, robot))
@@ -215,22 +181,15 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
 
         signal.signal(signal.SIGTERM, end)
         host = Host(robot, camera, easel.operator, easel.reach)
-        looked: Callable[[], int] | None = None
+        file: StopFile | None = None
         if order.folder is not None:
             file = StopFile(order.folder / STOP_FILE, partial(robot.stop, asked=True), host.remarks.append)
             stack.callback(file.dismiss)
-            looked = lambda: file.looks  # noqa: E731
             stack.callback(LivePicture(camera, order.folder / LIVE_PICTURE).dismiss)
-        watch = Watch(
-            line, robot.stop, lambda: robot.moving, CpuActivity(os.getppid()), SIMULATED if simulated else MACHINE,
-            stopped=lambda: robot.stopped is not None, stop_line=robot.stop_line, looked=looked,
-        )  # fmt: skip
-        stack.callback(watch.dismiss)
-        facts = EaselFacts(
-            easel.workspace, easel.calibration, easel.canvas, easel.timing, simulated, easel.has_camera,
-            easel.person_brushes, easel.pace, easel.reach is not None, given.patience, given.grace, given.answer,
-        )  # fmt: skip
-        wire.send({"facts": facts.record(), "machines": sorted(known)})
+        rule = SIMULATED if simulated else MACHINE
+        stack.callback(Watch(line, robot, CpuActivity(os.getppid()), rule, file).dismiss)
+        facts = EaselFacts(**{name: getattr(easel, name) for name in FACTS}, knows_reach=easel.reach is not None)
+        wire.send({"facts": TypeAdapter(EaselFacts).dump_python(facts, mode="json"), "machines": sorted(known)})
         return host.serve(wire)
 
 

@@ -1,6 +1,6 @@
 """Kinds of whole easels: a simulated studio or a person's hand, each with its own surroundings."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -58,12 +58,6 @@ class EaselKind:
     reach_from: "Callable[[Workspace, CanvasSize], tuple[Reach, Timing]] | None" = None
 
 
-def easel_kind(name: str) -> EaselKind | None:
-    """Returns the kind of easel of that name; None for a robot that stands in a separate workspace."""
-    part = registry.parts(registry.EASELS).get(name)
-    return None if part is None else part.load(EaselKind)
-
-
 # Names on which the processes agree: robots, cameras, files of a painting, and the state folder.
 # A real robot has a name like "xarm:192.168.1.10" or "gcode:/dev/ttyUSB0,homing=yes", its camera one like "opencv:0".
 # Code that only passes names on must load no driver and no numerical library.
@@ -79,83 +73,48 @@ NO_CAMERA = "none"
 """Name of the camera of an easel that nobody watches."""
 
 
-def _form_of_robot(name: str) -> str:
-    return registry.parts(registry.ROBOTS)[name].load(RobotKind).form
-
-
-def _title_of_simulated(name: str) -> str:
-    kind = registry.parts(registry.EASELS)[name].load(EaselKind)
-    if not kind.simulated:
-        raise KeyError(name)
-    return kind.title
-
-
-@dataclass(frozen=True)
-class _Registered(Mapping[str, str]):
-    """Mapping from the names of registered parts to a text about each. A part is loaded when it is asked for."""
-
-    group: str
-    tell: Callable[[str], str]
-
-    def __getitem__(self, name: str) -> str:
-        return self.tell(name)
-
-    def __iter__(self) -> Iterator[str]:
-        for name in registry.parts(self.group):
-            try:
-                self.tell(name)
-            except (KeyError, PluginError):
-                continue  # a request for that name reports the reason
-            yield name
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
-
-@dataclass(frozen=True)
-class _Machines(_Registered):
-    """Mapping of real robots: `in` needs their names only, so it loads none."""
-
-    def __contains__(self, name: object) -> bool:
-        return name in registry.parts(self.group)
-
-
-MACHINES: Mapping[str, str] = _Machines(registry.ROBOTS, _form_of_robot)
-"""Form of the name of each kind of real robot."""
-SIMULATED: Mapping[str, str] = _Registered(registry.EASELS, _title_of_simulated)
-"""Titles of the simulated robots, by name."""
-TITLES = SIMULATED
-
-
 def state_folder() -> Path:
     """Returns the default folder for latches and locks."""
     return user_state_path("frida-painter", appauthor=False)
 
 
+def easel_kind(name: str) -> EaselKind | None:
+    """Returns the kind of easel of that name; None for a robot that stands in a separate workspace."""
+    part = registry.parts(registry.EASELS).get(name)
+    return None if part is None else part.load(EaselKind)
+
+
+def is_simulated(robot: str) -> bool:
+    """Returns True if no real robot moves: a stop is then not latched, and a slow computer is not a fault."""
+    kind = easel_kind(robot)
+    return kind is not None and kind.simulated
+
+
+def is_machine(robot: str) -> bool:
+    """Returns True for a real robot with a workspace of its own. Raises ConfigError if the name is unknown."""
+    easels = registry.parts(registry.EASELS)
+    if robot in easels:
+        return False
+    if MachineName.of(robot).kind not in registry.parts(registry.ROBOTS):
+        raise ConfigError(
+            f"There is no robot {robot[:60]!r}; take {', '.join(easels)}, or a real one: {', '.join(robot_forms())}."
+        )
+    return True
+
+
 def robot_forms() -> list[str]:
     """Returns the forms of the names of real robots; the bare name if its driver cannot be loaded."""
-    return [_describe(part, RobotKind, lambda kind: kind.form) for part in registry.parts(registry.ROBOTS).values()]
+    return [_form(part, RobotKind) for part in registry.parts(registry.ROBOTS).values()]
 
 
 def camera_forms() -> list[str]:
     """Returns the forms of the names of cameras; the bare name if its driver cannot be loaded."""
-    return [_describe(part, CameraKind, lambda kind: kind.form) for part in registry.parts(registry.CAMERAS).values()]
+    return [_form(part, CameraKind) for part in registry.parts(registry.CAMERAS).values()]
 
 
-def require_known(robot: str) -> str:
-    """Returns the kind of a named robot; for a whole easel the name itself. Raises ConfigError if it is unknown."""
-    kind = MachineName.of(robot).kind
-    easels = registry.parts(registry.EASELS)
-    if robot not in easels and kind not in MACHINES:
-        raise ConfigError(
-            f"There is no robot {robot[:60]!r}; take {', '.join(easels)}, or a real one: {', '.join(robot_forms())}."
-        )
-    return kind
-
-
-def _describe(part: registry.Part, kind: type[registry.Kind], tell: Callable[[registry.Kind], str]) -> str:
+def _form(part: registry.Part, kind: type[RobotKind] | type[CameraKind]) -> str:
     try:
-        return tell(part.load(kind))
+        return part.load(kind).form
     except PluginError:
         return part.name
 

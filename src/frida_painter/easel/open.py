@@ -1,30 +1,35 @@
-"""Opens easels by name.
+"""Opens easels by name, and locks their machines: one robot, one process.
 
 A whole easel opens itself. A real robot stands with its camera in a workspace that a file describes. Both are found
 through entry points (registry.py). Process, stop, latch and lock are the same for all.
 """
 
-from contextlib import suppress
+import contextlib
+import hashlib
+import os
+from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
-from frida_painter import registry
+from frida_painter import registry, storage
 from frida_painter.easel.kinds import (
-    MACHINES,
     NO_CAMERA,
-    SIMULATED,
     EaselKind,
     OpenEasel,
     camera_forms,
+    is_machine,
+    is_simulated,
     require_equipment,
-    require_known,
     robot_forms,
 )
 from frida_painter.easel.operator import AbsentOperator
 from frida_painter.easel.order import EaselOrder
-from frida_painter.errors import ConfigError, FridaError
+from frida_painter.errors import ConfigError, FridaError, RobotBusy
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind, by_name
 from frida_painter.hardware.robot import Camera, Reach, Robot, Workspace
@@ -33,29 +38,21 @@ from frida_painter.hardware.workcell import WorkcellConfig
 
 def open_easel(order: EaselOrder) -> OpenEasel:
     """Opens an ordered easel; its robot and camera are not connected yet. Raises ConfigError and StorageError."""
-    kind = require_known(order.robot)
-    if kind in MACHINES:
+    if is_machine(order.robot):
         opened = _open_real(order)
     else:
-        opened = registry.parts(registry.EASELS)[kind].load(EaselKind).open(order)
-    return opened if order.camera != NO_CAMERA else replace(opened, easel=_without_camera(opened.easel))
-
-
-def _without_camera(easel: Easel) -> Easel:
-    """Returns the easel as one that nobody watches."""
-    return replace(easel, has_camera=False, calibration=replace(easel.calibration, camera=NO_CAMERA))
+        opened = registry.parts(registry.EASELS)[order.robot].load(EaselKind).open(order)
+    if order.camera != NO_CAMERA:
+        return opened
+    unseen = replace(opened.easel.calibration, camera=NO_CAMERA)
+    return replace(opened, easel=replace(opened.easel, has_camera=False, calibration=unseen))
 
 
 def load_easel(robot: str) -> None:
     """Loads the computations of a named easel. Ignores unknown names and failures, which `open_easel` reports."""
-    with suppress(FridaError):
+    with contextlib.suppress(FridaError):
         if (known := registry.parts(registry.EASELS).get(robot)) is not None:
             known.load(EaselKind).load()
-
-
-def is_simulated(order: EaselOrder) -> bool:
-    """Returns True if no real robot moves: a stop is then not latched, and a slow computer is not a fault."""
-    return order.robot in SIMULATED
 
 
 def machines(order: EaselOrder) -> frozenset[str]:
@@ -64,11 +61,60 @@ def machines(order: EaselOrder) -> frozenset[str]:
     For a simulated robot this is the world of one painting; without a folder there is none. For a real robot these
     are all identities of the machine.
     """
-    if is_simulated(order):
+    if is_simulated(order.robot):
         return frozenset(() if order.folder is None else {f"the {order.robot} studio of {order.folder.resolve()}"})
-    name = MachineName.of(order.robot)
+    return identities(order.robot)
+
+
+def identities(robot: str) -> frozenset[str]:
+    """Returns all identities of a named real robot."""
+    name = MachineName.of(robot)
     known = registry.parts(registry.ROBOTS).get(name.kind)
     return by_name(name) if known is None else known.load(RobotKind).identify(name)
+
+
+def hold_machines(stack: ExitStack, state: Path, identities: Iterable[str]) -> None:
+    """Locks the machine of these identities until the end of `stack`.
+
+    state: folder of latches and locks. A lock file remains, with the id of the last process that held the lock. The
+        system releases a lock when its process ends for any reason.
+
+    Raises RobotBusy, with the id of the process that holds a lock, or StorageError if a file cannot be created.
+    """
+    for identity in sorted(identities):
+        path = state / "locks" / f"{hashlib.sha256(identity.encode()).hexdigest()[:16]}.lock"
+        # Only a lock of the system will do: a marker file would outlive a process that dies.
+        lock = FileLock(
+            path, mode=0o644, fallback_to_soft=False, preserve_lock_file=True, thread_local=False, on_acquired=_sign
+        )
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            lock.acquire(blocking=False)
+        except Timeout as error:
+            holder = _signature(path)
+            whose = f"process {holder}" if holder else "another process"
+            raise RobotBusy(
+                f"{identity} is in use by {whose}; wait until that painting is done, or stop it first.", holder
+            ) from error
+        except OSError as error:
+            raise storage.cannot_write(path, error) from error
+        stack.callback(lock.release)
+
+
+def _sign(file: int) -> None:
+    with contextlib.suppress(OSError):  # the lock holds without the process id, too
+        os.ftruncate(file, 0)
+        os.pwrite(file, str(os.getpid()).encode(), 0)
+
+
+def _signature(path: Path) -> int | None:
+    """Returns the process id in a lock file; None if there is none (yet)."""
+    try:
+        with path.open("rb") as file:
+            text = file.read(20)
+    except OSError:
+        return None
+    return int(text) if text.isdigit() else None
 
 
 def _open_real(order: EaselOrder) -> OpenEasel:

@@ -1,15 +1,12 @@
 """The order of an easel, as it goes to the easel's process, and the facts that come back once it is open."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Self
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ConfigDict
 
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import PersonBrush
 from frida_painter.hardware.faults import NO_FAULTS, Faults, PlacementError
 from frida_painter.hardware.robot import Workspace
@@ -48,30 +45,12 @@ class EaselOrder:
     camera: str = ""
     film: bool = False
 
-    def record(self) -> dict[str, Any]:
-        """Returns the order as plain values."""
-        return TypeAdapter(EaselOrder).dump_python(self, mode="json")
-
-    @classmethod
-    def of(cls, record: Mapping[str, Any]) -> Self:
-        """Returns an order from plain values. Raises ConfigError if they are invalid."""
-        try:
-            return TypeAdapter(cls).validate_python(record)
-        except ValidationError as error:
-            faults = "; ".join(
-                f"{'.'.join(map(str, fault['loc']))}: {fault['msg'].lower()}" for fault in error.errors()
-            )
-            raise ConfigError(f"The order of an easel is not as it must be ({faults}).") from error
-
 
 @dataclass(frozen=True)
 class EaselFacts:
-    """Facts about an open easel.
+    """Facts about an open easel, as in hardware.easel.Easel.
 
-    workspace to pace: as in hardware.easel.Easel
     knows_reach: True if it tells the reach of the robot's arm
-    patience, grace: time limit of a motion, see easel.guard.GuardedRobot
-    answer: seconds after which a request without motion counts as unanswered
     """
 
     workspace: Workspace
@@ -83,15 +62,7 @@ class EaselFacts:
     person_brushes: tuple[PersonBrush, ...]
     pace: float
     knows_reach: bool
-    patience: float
-    grace: float
-    answer: float
 
-    def record(self) -> dict[str, Any]:
-        """Returns the facts as plain values."""
-        return TypeAdapter(EaselFacts).dump_python(self, mode="json")
 
-    @classmethod
-    def of(cls, record: Mapping[str, Any]) -> Self:
-        """Returns the facts from plain values."""
-        return TypeAdapter(cls).validate_python(record)
+FACTS = tuple(fact.name for fact in fields(EaselFacts) if fact.name != "knows_reach")
+"""Facts that are fields of the easel itself."""

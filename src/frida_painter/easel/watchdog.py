@@ -14,12 +14,15 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from frida_painter.hardware.deadline import asleep, one_line, steady
 from frida_painter.hardware.robot import StopLine
 
-# The silence rule, without clocks or processes: when to stop a robot because its painting process is silent.
+if TYPE_CHECKING:
+    from frida_painter.easel.guard import GuardedRobot
+
+# The rule of the watch, without clocks or processes: when to stop a robot.
 # A silent process may be dead or only slow. Therefore the rule ignores time in which the process could not send:
 # while it was ready to run and no processor was free, and while the watch itself did not run. Upper bounds hold in
 # any case.
@@ -31,7 +34,7 @@ _USUAL = 0.1  # seconds between two looks that need no explanation
 
 @dataclass(frozen=True)
 class Patience:
-    """Limits of the silence rule in seconds; infinity for no limit.
+    """Limits of the watch's rule in seconds; infinity for no limit.
 
     silence: silence that counts, before the robot is stopped
     starved_moving: silence of any kind, during a motion
@@ -68,6 +71,8 @@ class LinkState:
     gone: True if the painting process closed its line
     thinking: True if the process used processor time recently
     starved: total seconds in which the process was ready to run without a free processor; None if not measured
+    slept: seconds for which the computer slept since the last look
+    seen: True if somebody looked for the stop file since the last look, or need not
     """
 
     at: float
@@ -75,15 +80,27 @@ class LinkState:
     gone: bool = False
     thinking: bool = False
     starved: float | None = None
+    slept: float = 0.0
+    seen: bool = True
+
+
+@dataclass
+class _Span:
+    """Time since a moment; `counted` seconds of it, in which process and watch could run."""
+
+    since: float
+    counted: float = 0.0
 
 
 class SilenceRule:
-    """Silence rule: receives heartbeats and looks in the order of time, and decides when to stop the robot."""
+    """Rule of the watch: receives heartbeats and looks in the order of time, and decides when to stop the robot."""
 
     def __init__(self, now: float, patience: Patience = MACHINE) -> None:
         self._patience = patience
-        self._heard = self._still = _Span(now)
+        self._heard, self._still = _Span(now), _Span(now)  # since the last heartbeat, and since the last standstill
         self._looked, self._moved = now, False
+        self._starved: float | None = None
+        self._blind = 0.0
 
     def hear(self, at: float) -> None:
         """Records a heartbeat."""
@@ -94,58 +111,46 @@ class SilenceRule:
         return at - self._heard.since
 
     def judge(self, look: LinkState) -> str | None:
-        """Returns the reason to stop the robot; None if there is none. Reports a silence once, then counts from 0."""
-        late = max(look.at - self._looked - _USUAL, 0.0)
-        stood_still = late if self._moved else 0.0
-        self._looked, self._moved = look.at, look.moving
+        """Returns the reason to stop the robot; None if there is none. Reports a reason once, then counts from 0."""
+        passed, most = look.at - self._looked, self._patience
+        late = max(passed - _USUAL, 0.0)
+        held_up = late if self._moved else 0.0
+        starved = 0.0 if look.starved is None or self._starved is None else look.starved - self._starved
+        for span in (self._heard, self._still):
+            span.counted += min(passed - max(late, starved), look.at - span.since)
         if not look.moving:
             self._still = _Span(look.at)
-        for span in (self._heard, self._still):
-            span.notice(look, late)
-        if stood_still > self._patience.standstill:
-            self._heard = self._still = _Span(look.at)
-            return f"the easel's process was held up for {stood_still:.1f} s in the middle of a motion"
-        if not self._too_long(look):
-            return None
-        absent = self.silence(look.at)
-        self._heard = self._still = _Span(look.at)
-        return f"the painting process fell silent for {absent:.1f} s"
+        self._looked, self._moved, self._starved = look.at, look.moving, look.starved
+        self._blind = 0.0 if look.seen else self._blind + passed - late
+        silent = self.silence(look.at)
+        rows = (
+            (look.slept > most.nap, f"the computer slept for {look.slept:.0f} s"),
+            (
+                held_up > most.standstill,
+                f"the easel's process was held up for {held_up:.1f} s in the middle of a motion",
+            ),
+            (self._is_too_silent(look), f"the painting process fell silent for {silent:.1f} s"),
+            (
+                look.moving and self._blind > most.blind,
+                f"nobody could look for the stop file for {most.blind:g} s, because its folder cannot be read",
+            ),
+        )
+        reason = next((reason for broken, reason in rows if broken), None)
+        if reason is not None:
+            self._heard, self._still, self._blind = _Span(look.at), _Span(look.at), 0.0
+        return reason
 
-    def _too_long(self, look: LinkState) -> bool:
-        most = self._patience
+    def _is_too_silent(self, look: LinkState) -> bool:
+        most, heard = self._patience, self._heard
         if look.moving:
             # A process that asks for a motion is alive when the motion begins.
-            span = self._heard if self._heard.since >= self._still.since else self._still
+            span = heard if heard.since >= self._still.since else self._still
             if look.gone:
-                return span.counted(look) > most.orphaned
-            return span.counted(look) > most.silence or look.at - span.since > most.starved_moving
+                return look.at - span.since > most.orphaned
+            return span.counted > most.silence or look.at - span.since > most.starved_moving
         if look.gone:
             return False  # nothing can move any more
-        if look.at - self._heard.since > most.absence:
-            return True
-        return self._heard.counted(look) > most.silence and not look.thinking
-
-
-class _Span:
-    """Time since a moment, with the part of it in which the process could not send."""
-
-    def __init__(self, since: float) -> None:
-        self.since = since
-        self._late = self._starved = 0.0
-        self._starved_before: float | None = None
-        self._noticed = False
-
-    def notice(self, look: LinkState, late: float) -> None:
-        self._late += late if self._noticed else min(late, look.at - self.since)
-        self._noticed = True
-        if look.starved is not None:
-            if self._starved_before is None:
-                self._starved_before = look.starved
-            self._starved = look.starved - self._starved_before
-
-    def counted(self, look: LinkState) -> float:
-        """Returns the seconds that count: without those in which the process, or the watch, had no processor."""
-        return look.at - self.since - max(0.0 if look.gone else self._starved, self._late)
+        return look.at - heard.since > most.absence or (heard.counted > most.silence and not look.thinking)
 
 
 # Bytes on the line: a heartbeat, a stop, or the number of a signal. The system's own handler writes the latter
@@ -157,51 +162,30 @@ LINE, ENDED = b"\x01", b"\x02"
 BEAT_EVERY = 0.25
 
 
-class Process(Protocol):
-    """Painting process as seen from outside."""
-
-    def thinking(self) -> bool:
-        """Returns True if it used processor time recently."""
-        ...
-
-    def starved_seconds(self) -> float:
-        """Returns the total seconds in which it was ready to run and no processor was free."""
-        ...
-
-
 class Watch:
-    """Watch on the painting process: stops the robot by `stop(reason)`, from a separate thread, until `dismiss`.
+    """Watch on the painting process: stops the robot, from a separate thread, until `dismiss`.
 
     line: socket that carries the bytes above
-    moving: returns True during a motion
+    robot: under guard; the painting process gets the news of its stop, and its line
     process: painting process, for its use of processors
-    patience: limits of the silence rule
-    stopped: returns True if the robot is stopped for any reason; the heartbeats tell it to the painting process
-    stop_line: returns the line over which the painting process can stop the machine if this one is gone
-    looked: returns how often somebody has looked for the stop file
+    patience: limits of the rule
+    file: stop file, for which somebody must be able to look; None without
 
-    Sleep of the computer stops the robot too. After the painting process has closed its line, only a motion in
-    progress can go on.
+    After the painting process has closed its line, only a motion in progress can go on.
     """
 
     def __init__(
         self,
         line: socket.socket,
-        stop: Callable[[str], None],
-        moving: Callable[[], bool],
-        process: Process,
+        robot: "GuardedRobot",
+        process: "CpuActivity",
         patience: Patience = MACHINE,
-        *,
-        stopped: Callable[[], bool] = lambda: False,
-        stop_line: Callable[[], StopLine | None] = lambda: None,
-        looked: Callable[[], int] | None = None,
+        file: "StopFile | None" = None,
     ) -> None:
-        self._stopped, self._stop_line, self._looked = stopped, stop_line, looked
-        self._lent: StopLine | None = None
-        self._looks, self._blind, self._at, self._most_blind = -1, 0.0, steady(), patience.blind
-        self._line, self._stop, self._moving, self._process = line, stop, moving, process
-        self._nap = patience.nap
+        self._line, self._robot, self._process, self._file = line, robot, process, file
         self._rule = SilenceRule(steady(), patience)
+        self._lent: StopLine | None = None
+        self._looks = -1
         self._asleep, self._beaten = asleep(), -math.inf
         self._interrupts = 0
         self._open = True
@@ -220,7 +204,7 @@ class Watch:
             try:
                 self._glance()
             except Exception as failure:  # whatever it is: nobody watches then, and that must not be silent
-                self._stop(f"the watch on the painting process failed ({one_line(failure)})")
+                self._robot.stop(f"the watch on the painting process failed ({one_line(failure)})")
                 self._dismissed.wait(LOOK_EVERY)
 
     def _glance(self) -> None:
@@ -229,33 +213,23 @@ class Watch:
         else:
             self._dismissed.wait(LOOK_EVERY)
         now = steady()
-        # Before reading: bytes from before the computer's sleep say nothing about now.
         slept, self._asleep = asleep() - self._asleep, asleep()
-        if slept > self._nap:
-            self._stop(f"the computer slept for {slept:.0f} s")
         if self._open:
             self._lend()
             self._beat(now)
             self._read(now)
-        look = self._look(now)
-        if reason := self._rule.judge(look) or self._judge_sight(look):
-            self._stop(reason)
-
-    def _judge_sight(self, look: LinkState) -> str | None:
-        """Returns the reason to stop a robot that moves while nobody can look for the stop file. Told once."""
-        looks = self._looks if self._looked is None else self._looked()
-        # Time in which this thread did not run is not counted: the other thread may not have run either.
-        passed, self._at = min(look.at - self._at, _USUAL), look.at
-        seen, self._looks = looks != self._looks or self._looked is None, looks
-        self._blind = 0.0 if seen else self._blind + passed
-        if not look.moving or not self._blind > self._most_blind:
-            return None
-        self._blind = 0.0
-        return f"nobody could look for the stop file for {self._most_blind:g} s, because its folder cannot be read"
+        # Expensive: it looks at each thread of the process. It is needed only during a silence.
+        starved = self._process.starved_seconds() if self._rule.silence(now) > 2 * BEAT_EVERY else None
+        looks = self._looks if self._file is None else self._file.looks
+        seen, self._looks = looks != self._looks or self._file is None, looks
+        thinking, moving = self._process.thinking(), self._robot.moving
+        reason = self._rule.judge(LinkState(now, moving, not self._open, thinking, starved, slept, seen))
+        if reason is not None:
+            self._robot.stop(reason)
 
     def _lend(self) -> None:
         """Sends the machine's line to the painting process, whenever it changes."""
-        line = self._stop_line()
+        line = self._robot.stop_line()
         if line == self._lent:
             return
         content, files = (b"", []) if line is None else (line.content, [line.file])
@@ -267,13 +241,7 @@ class Watch:
         if now - self._beaten >= BEAT_EVERY:
             self._beaten = now
             with contextlib.suppress(OSError):  # the painting process is gone, or has not read for a long time
-                self._line.send(STOP if self._stopped() else BEAT)
-
-    def _look(self, now: float) -> LinkState:
-        thinking = self._process.thinking()
-        # Expensive: it looks at each thread of the process. It is needed only during a silence.
-        starved = self._process.starved_seconds() if self._rule.silence(now) > 2 * BEAT_EVERY else None
-        return LinkState(now, self._moving(), not self._open, thinking, starved)
+                self._line.send(BEAT if self._robot.stopped is None else STOP)
 
     def _read(self, now: float) -> None:
         try:
@@ -288,13 +256,13 @@ class Watch:
             if byte == BEAT[0]:
                 self._rule.hear(now)
             elif byte == STOP[0]:
-                self._stop("the painting process asked for it")
+                self._robot.stop("the painting process asked for it")
             elif byte == signal.SIGTERM:
-                self._stop("the painting process was told to end (SIGTERM)")
+                self._robot.stop("the painting process was told to end (SIGTERM)")
             elif byte == signal.SIGINT:
                 self._interrupts += 1
                 if self._interrupts == 2:
-                    self._stop("Ctrl-C was pressed twice")
+                    self._robot.stop("Ctrl-C was pressed twice")
 
 
 class StopFile:
@@ -321,13 +289,12 @@ class StopFile:
         failed = False
         while not self._dismissed.wait(LOOK_EVERY):
             try:
-                there = self._path.exists()
+                there, failed = self._path.exists(), False
             except Exception as failure:  # whatever it is, the next look may succeed
                 if not failed:
                     self._tell(f"A look for the stop file failed ({one_line(failure)}); it is tried again and again.")
                 failed = True
                 continue
-            failed = False
             self.looks += 1
             if there:
                 self._stop(f"the stop file {self._path.name} appeared")
@@ -357,11 +324,6 @@ class Pulse:
         self._lent: StopLine | None = None
         self._thread = threading.Thread(target=self._keep, name="heartbeat", daemon=True)
         self._thread.start()
-
-    @property
-    def file(self) -> int:
-        """File number of the line, for signal.set_wakeup_fd."""
-        return self._line.fileno()
 
     @property
     def silent(self) -> float:
@@ -470,7 +432,6 @@ def _write_whole(line: StopLine) -> bool:
 _LOOK_EVERY = 0.5  # seconds
 _BUSY = 0.02  # share of that time on a processor; a stopped or hung process uses none
 _COUNT_EVERY = 0.1
-_READY = "R"
 
 
 class CpuActivity:
@@ -481,7 +442,7 @@ class CpuActivity:
         self._at, self._used = steady(), self._processor_seconds()
         self._busy = False
         self._counted_at, self._starved = steady(), 0.0
-        self._threads: dict[str, _Thread] = {}
+        self._threads: dict[str, tuple[int, int]] = {}
 
     def thinking(self) -> bool:
         """Returns True if it was busy in the last second; must be called often."""
@@ -499,31 +460,29 @@ class CpuActivity:
         """
         now = steady()
         if now - self._counted_at >= _COUNT_EVERY:
-            waited = self._longest_wait(now)
-            self._starved += min(waited, now - self._counted_at)
+            self._starved += self._longest_wait(now - self._counted_at)
             self._counted_at = now
         return self._starved
 
-    def _longest_wait(self, now: float) -> float:
-        """Returns the seconds of the longest wait of a thread since the last call."""
-        threads: dict[str, _Thread] = {}
-        longest = 0.0
-        try:
-            tasks = list((self._place / "task").iterdir())
-        except OSError:
-            tasks = []
-        for task in tasks:
-            try:
-                state, _ = _state_and_ticks(task / "stat")
-                ran, delayed, *_ = map(int, (task / "schedstat").read_text().split())
-            except (OSError, ValueError, IndexError):
-                continue  # the thread has ended, or the system does not count
-            before = self._threads.get(task.name)
-            threads[task.name] = after = _Thread.after(before, now, state, ran, delayed / 1e9)
-            if before is not None:
-                longest = max(longest, after.waited - before.waited)
-        self._threads = threads
-        return longest
+    def _longest_wait(self, passed: float) -> float:
+        """Returns the seconds of the longest wait of a thread since the last call, `passed` seconds ago.
+
+        The system counts a wait only when it ends. A thread that is ready, but did not run, waited all the time.
+        """
+        before, self._threads, longest = self._threads, {}, 0.0
+        with contextlib.suppress(OSError):
+            for task in (self._place / "task").iterdir():
+                try:
+                    state, _ = _state_and_ticks(task / "stat")
+                    ran, delayed, *_ = map(int, (task / "schedstat").read_text().split())
+                except (OSError, ValueError, IndexError):
+                    continue  # the thread has ended, or the system does not count
+                self._threads[task.name] = ran, delayed
+                if task.name in before:
+                    ran_before, delayed_before = before[task.name]
+                    waits = state == "R" and ran == ran_before
+                    longest = max(longest, passed if waits else (delayed - delayed_before) / 1e9)
+        return min(longest, passed)
 
     def _processor_seconds(self) -> float:
         """Returns the total processor seconds of the process."""
@@ -531,33 +490,6 @@ class CpuActivity:
             return _state_and_ticks(self._place / "stat")[1] / os.sysconf("SC_CLK_TCK")
         except (OSError, ValueError, IndexError):
             return 0.0
-
-
-@dataclass(frozen=True)
-class _Thread:
-    """Counters of a thread.
-
-    ran: its time on a processor, as the system counts it
-    delayed: seconds of its completed waits
-    changed: time of the last change of the counters
-    waited: seconds of all waits, including the current one
-
-    The system counts a wait only when it ends. A thread that is ready, but whose counters stand still, is in a
-    wait.
-    """
-
-    ran: int
-    delayed: float
-    changed: float
-    waited: float
-
-    @classmethod
-    def after(cls, before: "_Thread | None", now: float, state: str, ran: int, delayed: float) -> "_Thread":
-        if before is None:
-            return cls(ran, delayed, now, delayed)
-        moved = state != _READY or (ran, delayed) != (before.ran, before.delayed)
-        changed = now if moved else before.changed
-        return cls(ran, delayed, changed, max(before.waited, delayed + now - changed))
 
 
 def _state_and_ticks(stat: Path) -> tuple[str, int]:

@@ -194,7 +194,7 @@ class RobotGateway:
         left_out = False
         for motion in batch:
             report = self._report_done(self.easel.robot.follow(motion))
-            _require_arrived(motion.label, report.reached, motion.position[-1])
+            require_arrived(motion.label, report.reached, motion.position[-1])
             left_out |= report.left_out
         return left_out
 
@@ -208,7 +208,7 @@ class RobotGateway:
         report = self._report_done(self.easel.robot.home())
         workspace = self.easel.workspace
         inside = np.minimum(np.maximum(report.reached, workspace.lower), workspace.upper)  # NaN stays NaN
-        _require_arrived("home", report.reached, inside if workspace.home is None else np.array(workspace.home))
+        require_arrived("home", report.reached, inside if workspace.home is None else np.array(workspace.home))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError if the robot does not know it."""
@@ -219,10 +219,16 @@ class RobotGateway:
         return report
 
 
-def _require_arrived(label: str, reached: NDArray[np.float64], sent: NDArray[np.float64]) -> None:
-    away = float(np.linalg.norm(reached - sent))
+def require_arrived(
+    label: str, tip: NDArray[np.float64], place: NDArray[np.float64], meant: str = "it was sent"
+) -> None:
+    """Raises PoseMismatch if a tip [3] is more than 2 mm from a place [3] (m).
+
+    meant: what the place is, after "from where", in the error's message
+    """
+    away = float(np.linalg.norm(tip - place))
     if not away <= _ARRIVED:
         raise PoseMismatch(
-            f"{label}: the robot says it is done, but its tip is {away * 1000:.1f} mm from where it was sent; "
+            f"{label}: the robot says it is done, but its tip is {away * 1000:.1f} mm from where {meant}; "
             f"allowed are {_ARRIVED * 1000:g} mm. Look at the robot, then repeat the robot calibration."
         )

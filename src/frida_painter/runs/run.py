@@ -24,7 +24,6 @@ from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import JOURNAL, SIMULATION_LOG, OpenEasel
-from frida_painter.easel.launch import EaselLaunch
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
@@ -321,17 +320,17 @@ class PaintingRun:
         if fresh:
             self._folder = new_folder(self._folder, self.spec.name, _ROOM)
         with _take_back_on_failure(self.folder, made=not given) if fresh else nullcontext():
-            easel = self._process.open(order(self.spec, planner.brushes, self.folder, self._state))
+            ordered = order(self.spec, planner.brushes, self.folder, self._state)
+            easel = self._process.open(ordered, lambda sentence: self.tell(sentence))
             known = self._on_record(easel)
             if hear_signals:
                 self._stack.enter_context(self._process.hearing_signals())
             self._easel = connect_easel(known, answer or self.controls.answer, lambda sentence: self.tell(sentence))
         return self._easel
 
-    def load_easel(self, launch: EaselLaunch | None = None) -> None:
+    def load_easel(self, process: EaselProcess | None = None) -> None:
         """Starts the easel's process, or uses one that was started before; it loads in parallel with the planner."""
-        launch = launch or EaselLaunch(self.spec.robot)
-        self._process = self._stack.enter_context(EaselProcess(launch, lambda sentence: self.tell(sentence)))
+        self._process = self._stack.enter_context(process or EaselProcess(self.spec.robot))
 
     def start(self, plan: Plan | None = None) -> RunOutcome:
         """Paints the painting: plan, paint some strokes, look, replan the rest.

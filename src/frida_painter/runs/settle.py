@@ -16,7 +16,7 @@ from frida_painter.brush.weights import AnyBrush, load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.compiled import await_loops
-from frida_painter.easel.kinds import TITLES
+from frida_painter.easel.kinds import easel_kind
 from frida_painter.easel.operator import ground_recipe
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
@@ -297,6 +297,7 @@ def open_recorder(
     before: history of earlier runs, if any.
     """
     encoders, first = planner.encoders, next(iter(spec.goal), None)
+    kind = easel_kind(spec.robot)
     facts = (
         *spec.goal_facts,
         *making_facts(*spec.goal, *spec.initial),
@@ -310,7 +311,7 @@ def open_recorder(
         ("Looks and replans", _describe_looks(spec)),
         ("Planned at", f"{spec.render_height} rows"),
         ("Seed", str(spec.seed)),
-        ("Robot", TITLES.get(spec.robot, spec.robot)),
+        ("Robot", kind.title if kind is not None and kind.simulated else spec.robot),
     )
     settings = {
         **({"photo": Path(first.value).name} if first is not None and first.kind == "image" else {}),

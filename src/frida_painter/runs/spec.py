@@ -11,7 +11,7 @@ from typing import Any, Literal, Self
 from pydantic import ValidationError, model_validator
 
 from frida_painter import storage
-from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, SIMULATED
+from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, is_simulated
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.word_settings import USUAL, WordSettings
 from frida_painter.planning.settings import FEWEST_FOR_LAYERS
@@ -325,7 +325,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
     @property
     def simulated(self) -> bool:
         """True if no real robot moves."""
-        return self.robot in SIMULATED
+        return is_simulated(self.robot)
 
     @property
     def by_hand(self) -> bool:

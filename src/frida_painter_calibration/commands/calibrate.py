@@ -187,7 +187,8 @@ def doctor(
     what cannot work. --workspace and --camera show the calibration as well. The exit status is 1 if painting
     would be refused.
     """
-    from frida_painter_calibration.commands.controller import examine, examine_machine, is_machine
+    from frida_painter.easel.kinds import is_machine
+    from frida_painter_calibration.commands.controller import examine, examine_machine
 
     if is_machine(robot):
         fit = examine_machine(robot, workspace)

@@ -18,7 +18,7 @@ from frida_painter.brush.kinds import BrushModel, FamilyPart
 from frida_painter.calibration import Calibration, previous
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.connecting import examine_robot
-from frida_painter.easel.kinds import MACHINES, EaselKind, require_known
+from frida_painter.easel.kinds import EaselKind
 from frida_painter.errors import CalibrationError, PluginError, WeightsError
 from frida_painter.hardware.kinds import CameraKind, RobotKind
 from frida_painter.hardware.workcell import WorkcellConfig
@@ -27,11 +27,6 @@ from frida_painter.session.opening import OLD, ProcedureStatus, adopt_camera, pl
 from frida_painter.session.rehearsal import FlatbedWorkspace
 
 _SHOWN = {"fact": "  ", "warning": "[yellow]! [/]", "refusal": "[bold red]x [/]"}
-
-
-def is_machine(robot: str) -> bool:
-    """Returns True if the name is that of a real robot with a controller. Raises ConfigError if it is unknown."""
-    return require_known(robot) in MACHINES
 
 
 def examine_machine(robot: str, workspace: Path | None) -> bool:

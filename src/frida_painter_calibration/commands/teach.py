@@ -147,7 +147,7 @@ def guide(robot: str, workspace: Path | None, brush: str, path: Path) -> None:
     Raises the errors of `guide_arm` after the marks were written, if there are any, and FamilyError without marks.
     """
     from frida_painter.calibration import Calibration
-    from frida_painter.easel.guiding import guide_arm
+    from frida_painter.easel.connecting import guide_arm
     from frida_painter.hardware.workcell import WorkcellConfig
     from frida_painter_calibration.calibrating import default_record
     from frida_painter_calibration.teaching.marks import MarkCutter

@@ -66,14 +66,23 @@ def test_what_waits_for_a_processor_is_told_from_what_waits_for_nothing() -> Non
         assert sleeper.starved_seconds() - before[1] < 0.1
 
 
-def test_a_wait_that_lasts_is_counted_before_the_system_counts_it_and_only_once() -> None:
-    thread = watchdog._Thread.after(None, 0.0, "R", 7, 1.0)
-    for now, state, ran, delayed, waited in (
-        (1.0, "R", 7, 1.0, 2.0),  # ready, and does not run: it waits
-        (2.0, "R", 7, 1.0, 3.0),
-        (2.5, "R", 9, 3.4, 3.4),  # it ran at last, and the system counts the whole wait
-        (3.0, "S", 9, 3.4, 3.4),  # it sleeps
-        (9.0, "T", 9, 3.4, 3.4),  # and was halted
+def test_a_wait_that_lasts_is_counted_before_the_system_counts_it_and_only_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, now = CpuActivity(os.getpid()), [1000.0]
+    monkeypatch.setattr(watchdog, "steady", lambda: now[0])
+    asked._place, asked._counted_at = tmp_path, 1000.0
+    (tmp_path / "task" / "7").mkdir(parents=True)
+    for state, ran, delayed, waited in (
+        ("R", 7, 1.0, 0.0),
+        ("R", 7, 1.0, 1.0),  # ready, and does not run: it waits
+        ("R", 7, 1.0, 2.0),
+        ("R", 9, 3.4, 3.0),  # it ran at last, and the system counts the whole wait
+        ("S", 9, 3.4, 3.0),  # it sleeps
+        ("T", 9, 3.4, 3.0),  # and was halted
+        ("R", 10, 3.7, 3.3),  # it waited and ran since
     ):
-        thread = watchdog._Thread.after(thread, now, state, ran, delayed)
-        assert thread.waited == pytest.approx(waited)
+        (tmp_path / "task" / "7" / "stat").write_text(f"7 (a name) {state} " + "0 " * 12)
+        (tmp_path / "task" / "7" / "schedstat").write_text(f"{ran} {round(delayed * 1e9)} 5")
+        now[0] += 1.0
+        assert asked.starved_seconds() == pytest.approx(waited)

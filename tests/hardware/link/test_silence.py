@@ -127,3 +127,33 @@ def test_once_the_painter_is_gone_a_motion_may_end_but_not_for_long(patience) ->
     assert stopped_at(SilenceRule(0.0, patience), 100.0, moving=False, gone=True) is None
     found = stopped_at(SilenceRule(0.0, patience), 100.0, moving=True, gone=True, starved=1.0)
     assert found is not None and found[0] == pytest.approx(MACHINE.orphaned, abs=2 * STEP)
+
+
+def test_a_motion_that_was_asked_for_after_a_long_thought_is_not_stopped_for_it() -> None:
+    rule = SilenceRule(0.0)
+    assert all(rule.judge(LinkState(n * STEP, False, thinking=True)) is None for n in range(1, 300))
+    reasons = [rule.judge(LinkState(n * STEP, True, thinking=True)) for n in range(300, 500)]
+    assert next(n for n, reason in enumerate(reasons) if reason) * STEP == pytest.approx(MACHINE.silence, abs=2 * STEP)
+
+
+@pytest.mark.parametrize(("slept", "says"), [(0.9, False), (1.1, True)])
+def test_a_nap_of_the_computer_stops_a_machine_whether_it_moves_or_not(slept: float, says: bool) -> None:
+    for moving in (True, False):
+        assert (SilenceRule(0.0).judge(LinkState(STEP, moving, slept=slept)) is not None) == says
+        assert SilenceRule(0.0, SIMULATED).judge(LinkState(STEP, moving, slept=slept)) is None
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_time_in_which_nobody_can_see_the_stop_file_counts_while_it_moves(moving: bool) -> None:
+    rule, told = SilenceRule(0.0), []
+    for number in range(1, 400):
+        rule.hear(number * STEP)
+        seen = number < 100
+        if rule.judge(LinkState(number * STEP, moving, seen=seen)):
+            told.append(number * STEP)
+    assert bool(told) == moving and (not told or told[0] == pytest.approx(99 * STEP + MACHINE.blind, abs=2 * STEP))
+    rule = SilenceRule(0.0)
+    assert rule.judge(LinkState(STEP, False, seen=False)) is None
+    assert rule.judge(LinkState(20.0, False, seen=False)) is None
+    rule.hear(20.0)
+    assert rule.judge(LinkState(20.0 + STEP, True, seen=False)) is None, "the watch did not run, and neither did he"

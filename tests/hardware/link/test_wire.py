@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from frida_painter.easel.wire import Wire
+from frida_painter.easel.connection import Wire
 from frida_painter.errors import RobotDisconnected
 
 words = st.recursive(

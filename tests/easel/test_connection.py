@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.easel.proxy import decode_error, encode_error, find_request, make_remote, requests
+from frida_painter.easel.connection import decode_error, encode_error, find_request, make_remote, requests
 from frida_painter.errors import CameraError, FridaError, MotionFailed, RobotBusy, RobotError, RobotStopped
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.hardware.robot import Frame, MotionReport, Waypoints, Zero
@@ -79,7 +79,7 @@ def test_every_method_of_the_protocols_is_a_request_that_comes_as_it_was_sent() 
             words, arrays = request.pack(given)
             return request.result(*find_request(words).answer(target, words["with"], arrays))
 
-        answered = getattr(make_remote(part)(ask), name)(**arguments)
+        answered = getattr(make_remote(part, ask), name)(**arguments)
         assert same(answered, result), (part, name)
         assert set(heard) == set(arguments) and all(same(heard[key], arguments[key]) for key in heard), (part, name)
 

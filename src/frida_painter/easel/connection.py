@@ -1,0 +1,469 @@
+"""The connection between a painting process and its easel's process: messages, requests and their answers.
+
+A message is a JSON object with arrays of numbers. The methods of an easel's parts are requests, all made from their
+protocols: arguments and results travel by the types that the protocols state (numbers, texts, tuples, arrays, tensors
+and dataclasses of these), errors by name, sentence and fields. Nothing that comes is executed.
+"""
+
+import contextlib
+import inspect
+import json
+import math
+import select
+import socket
+import struct
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, is_dataclass
+from functools import cache
+from types import MappingProxyType, NoneType
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from frida_painter import errors
+from frida_painter.easel.watchdog import Pulse
+from frida_painter.errors import FridaError, RobotAbandoned, RobotDisconnected, RobotError
+from frida_painter.hardware.easel import Operator, PersonCanvas
+from frida_painter.hardware.latch import Latch, Unlatched
+from frida_painter.hardware.robot import (
+    Camera,
+    Feeler,
+    LimitedRobot,
+    PausableRobot,
+    Reach,
+    Robot,
+    TimedRobot,
+    ZeroedRobot,
+)
+
+Arrays = dict[str, NDArray[Any]]
+
+_LENGTHS = struct.Struct("<II")  # of the object and of the arrays' bytes
+_MAX_WORDS = 2**20
+_MAX_BYTES = 2**28
+_ARRAY_KINDS = ("|b1", "|u1", "<f4", "<f8")
+
+
+class Wire:
+    """End of a link: sends and receives whole messages.
+
+    Raises RobotDisconnected if the other end is gone, too late, or sends anything but messages.
+    """
+
+    def __init__(self, socket: socket.socket) -> None:
+        self._socket = socket
+        self._sending = threading.Lock()
+
+    def send(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
+        """Sends a JSON object and arrays of bool, uint8, float32 or float64 of any shape."""
+        parts = {name: np.asarray(array, order="C") for name, array in (arrays or {}).items()}
+        kinds = {name: [array.dtype.str, list(array.shape)] for name, array in parts.items()}
+        head = json.dumps({**words, "arrays": kinds}).encode()
+        size = sum(array.nbytes for array in parts.values())
+        try:
+            with self._sending:
+                self._socket.settimeout(None)
+                self._socket.sendall(_LENGTHS.pack(len(head), size) + head)
+                for array in parts.values():  # without a copy: a photograph has millions of bytes
+                    self._socket.sendall(array.reshape(-1).view(np.uint8).data)
+        except OSError as error:
+            raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
+
+    def receive(self, within: float = math.inf) -> tuple[dict[str, Any], Arrays]:
+        """Returns the next message: its object and its arrays.
+
+        within: seconds to wait for the whole message
+        """
+        until = time.monotonic() + within
+        words, size = _LENGTHS.unpack(bytes(self._exactly(_LENGTHS.size, until)))
+        if words > _MAX_WORDS or size > _MAX_BYTES:
+            raise RobotDisconnected(
+                f"A message of {words} + {size} bytes came over the easel's link; that is no message."
+            )
+        head, body = bytes(self._exactly(words, until)), self._exactly(size, until)
+        try:
+            said = json.loads(head)
+            return said, _cut(said.pop("arrays"), body)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise RobotDisconnected(f"What came over the easel's link is no message ({error}).") from error
+
+    def waits(self, seconds: float) -> bool:
+        """Returns True if a message came, or the other end closed, within `seconds`."""
+        return bool(select.select([self._socket], [], [], seconds)[0])
+
+    def close(self) -> None:
+        """Closes this end; the other end notices it."""
+        self._socket.close()
+
+    def _exactly(self, count: int, until: float) -> NDArray[np.uint8]:
+        """Returns the next `count` bytes [count]."""
+        content = np.empty(count, np.uint8)
+        room, got = content.data, 0
+        while got < count:
+            # Bytes that are already there are read even if it is late: then this process did not run.
+            left = max(until - time.monotonic(), 0.0)
+            try:
+                self._socket.settimeout(left if math.isfinite(left) else None)
+                part = self._socket.recv_into(room[got:])
+            except (TimeoutError, BlockingIOError) as nothing:
+                if left:
+                    continue  # it may have come at the last moment
+                raise RobotDisconnected("The other end of the easel's link did not answer in time.") from nothing
+            except OSError as error:
+                raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
+            if not part:
+                raise RobotDisconnected("The other end of the easel's link is gone.")
+            got += part
+        return content
+
+
+def _cut(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> Arrays:
+    """Returns the arrays of a message. Raises ValueError, KeyError or TypeError if the bytes do not match."""
+    arrays, start = {}, 0
+    for name, (kind, shape) in kinds.items():
+        if kind not in _ARRAY_KINDS or not all(isinstance(side, int) and 0 <= side <= _MAX_BYTES for side in shape):
+            raise ValueError(f"array {name} of {kind} and shape {shape}")
+        dtype = np.dtype(kind)
+        end = start + math.prod(shape) * dtype.itemsize
+        part = body[start:end]
+        aligned = start % dtype.itemsize == 0
+        arrays[name] = (part if aligned else part.copy()).view(dtype).reshape(shape)
+        start = end
+    if start != len(body):
+        raise ValueError(f"{len(body)} bytes of arrays, {start} announced")
+    return arrays
+
+
+# Requests.
+
+_PROTOCOLS: Mapping[str, tuple[type, ...]] = MappingProxyType(
+    {
+        "robot": (Robot, ZeroedRobot, TimedRobot, LimitedRobot, PausableRobot, Feeler),
+        "camera": (Camera,),
+        "operator": (Operator, PersonCanvas),
+        "reach": (Reach,),
+    }
+)
+"""Protocols of each part of an easel."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """Method of a part, as a request to the easel's process.
+
+    part, method: such as "robot" and "follow"
+    types: of the arguments by name, and of the result as "return"
+    """
+
+    part: str
+    method: str
+    signature: inspect.Signature
+    types: Mapping[str, Any]
+
+    def pack(self, arguments: Mapping[str, Any]) -> tuple[dict[str, Any], Arrays]:
+        """Returns the request with its arguments by name, as plain values and arrays."""
+        arrays: Arrays = {}
+        told = {name: pack(value, self.types[name], arrays) for name, value in arguments.items()}
+        return {"part": self.part, "do": self.method, "with": told}, arrays
+
+    def answer(self, target: object, told: Mapping[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
+        """Calls the method of `target`, and returns its result as plain values and arrays.
+
+        Raises RobotError if `target` does not have it, and the errors of the method.
+        """
+        if (method := getattr(target, self.method, None)) is None:
+            raise _unknown(self.part, self.method)
+        found = self.signature.bind(None, **{name: unpack(told[name], self.types[name], arrays) for name in told})
+        result = method(*found.args[1:], **found.kwargs)  # a driver may call its arguments by other names
+        sent: Arrays = {}
+        return {"result": pack(result, self.types["return"], sent)}, sent
+
+    def result(self, words: Mapping[str, Any], arrays: Arrays) -> Any:
+        """Returns the result in the answer to this request. Raises RobotError if it does not fit."""
+        try:
+            return unpack(words["result"], self.types["return"], arrays)
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise RobotError(f"The easel's process told of {self.method!r} what cannot be ({error}).") from error
+
+
+@cache
+def requests(part: str) -> Mapping[str, Request]:
+    """Returns the requests of a part by the names of their methods; none of an unknown part."""
+    return {
+        name: Request(part, name, inspect.signature(method), get_type_hints(method))
+        for protocol in _PROTOCOLS.get(part, ())
+        for name, method in vars(protocol).items()
+        if inspect.isfunction(method) and not name.startswith("_")
+    }
+
+
+def find_request(words: Mapping[str, Any]) -> Request:
+    """Returns the request that came as plain values. Raises RobotError if there is none of that name."""
+    part, method = str(words.get("part")), str(words.get("do"))
+    if (found := requests(part).get(method)) is None:
+        raise _unknown(part, method)
+    return found
+
+
+def _unknown(part: str, method: str) -> RobotError:
+    return RobotError(f"The easel's process was asked for {part + '.' + method!r}, which it does not know.")
+
+
+def make_remote(part: str, ask: Callable[[Request, Mapping[str, Any]], Any], **own: Callable[..., Any]) -> Any:
+    """Returns a part of an easel in another process: its methods are the requests of the part.
+
+    ask: sends a request with its arguments by name, and returns its result
+    own: methods that are no requests
+    """
+
+    def method(request: Request) -> Callable[..., Any]:
+        def call(self: object, *given: Any, **named: Any) -> Any:
+            found = request.signature.bind(self, *given, **named).arguments
+            return ask(request, {name: value for name, value in found.items() if name != "self"})
+
+        return call
+
+    methods = {name: method(request) for name, request in requests(part).items()}
+    return type(f"Remote{part.title()}", (), {**methods, **{name: staticmethod(act) for name, act in own.items()}})()
+
+
+# Values as JSON and arrays.
+
+
+def pack(value: Any, kind: Any, arrays: Arrays) -> Any:
+    """Returns a value of a type as plain values; puts its arrays into `arrays` and leaves their names."""
+    kind = _without_none(kind)
+    if kind in (NoneType, bool):
+        return bool(value) if kind is bool else None
+    if isinstance(value, Tensor):
+        value = value.detach().cpu().numpy()
+    if _is_array(kind) or isinstance(value, np.ndarray):
+        array = np.asarray(value)
+        name = str(len(arrays))
+        arrays[name] = array if array.dtype.str in _ARRAY_KINDS else array.astype(np.float64)
+        return name
+    if is_dataclass(value):
+        types = get_type_hints(kind if is_dataclass(kind) else type(value))  # a subclass may have more
+        return {name: pack(getattr(value, name), types[name], arrays) for name in types}
+    if isinstance(value, tuple | list):
+        return [pack(one, None, arrays) for one in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def unpack(plain: Any, kind: Any, arrays: Arrays) -> Any:
+    """Returns the value of a type from plain ones. Raises KeyError, TypeError or ValueError if they do not fit it."""
+    if plain is None and NoneType in get_args(kind):
+        return None
+    kind = _without_none(kind)
+    origin, inner = get_origin(kind), get_args(kind)
+    if kind is Tensor:
+        return torch.from_numpy(arrays[plain])
+    if _is_array(kind):
+        return arrays[plain].astype(get_args(inner[1])[0], copy=False)
+    if is_dataclass(kind):
+        types = get_type_hints(kind)
+        return kind(**{name: unpack(value, types[name], arrays) for name, value in plain.items()})  # type: ignore[operator]
+    if origin is tuple:
+        each = inner[:1] * len(plain) if inner[1:] == (...,) else inner
+        return tuple(unpack(value, one, arrays) for value, one in zip(plain, each, strict=True))
+    if kind in (float, int, str):
+        return kind(plain)
+    allowed = {NoneType: (None,), bool: (True, False)}.get(kind) or (inner if origin is Literal else ())
+    if plain not in allowed:
+        raise TypeError(f"{str(plain)[:40]!r} where {kind} belongs")
+    return plain
+
+
+def _without_none(kind: Any) -> Any:
+    """Returns the type beside None of a type that may be None; any other type as it is."""
+    return next(one for one in get_args(kind) if one is not NoneType) if NoneType in get_args(kind) else kind
+
+
+def _is_array(kind: Any) -> bool:
+    return kind is Tensor or get_origin(kind) is np.ndarray
+
+
+# Errors.
+
+
+def encode_error(error: FridaError) -> dict[str, Any]:
+    """Returns an error as plain values for the other end, which converts it back with `decode_error`."""
+    taken = inspect.signature(type(error).__init__).parameters
+    told = {name: value for name, value in vars(error).items() if name in taken}
+    plain = {name: value if isinstance(value, int | float | None) else str(value) for name, value in told.items()}
+    return {"error": type(error).__name__, "message": str(error), "details": plain}
+
+
+def decode_error(answer: Mapping[str, Any]) -> FridaError:
+    """Returns the error that the other end reported, with its fields; a RobotError if class or fields are unknown."""
+    kind, message = getattr(errors, str(answer["error"]), None), str(answer.get("message", ""))
+    if isinstance(kind, type) and issubclass(kind, FridaError):
+        with contextlib.suppress(TypeError):
+            return kind(message, **answer.get("details", {}))
+    return RobotError(message)
+
+
+# The painting process's end.
+
+_CALL = 60.0  # seconds for a request of which the easel's process promises nothing
+_MARGIN = 10.0  # for a process that hangs as a whole; the guard there gives up a driver earlier
+_MAX_SILENCE = 10.0  # seconds without a heartbeat after which the process counts as hung or frozen
+_LOOK_EVERY = 0.25
+_HEEDING, _WRITING = 1.0, 10.0  # within which a process that lives takes a stop, and a disk stores one
+
+
+class LastStop:
+    """The stop of a robot whose easel's process vanished: it is stored by the process that is left.
+
+    latch: of the robot; None until the easel is open
+    connected: True from the request to connect until the robot is closed; otherwise it cannot move
+    held: True if the machine itself got a stop
+    """
+
+    def __init__(self) -> None:
+        self.latch: Latch | Unlatched | None = None
+        self.connected = self.held = False
+        self._unkept: FridaError | None = None
+
+    def engage(self, held: bool) -> None:
+        """Stores the stop, if the robot was connected."""
+        self.held = held
+        if self.connected and self.latch is not None:
+            try:
+                self.latch.engage("its process was killed or crashed, perhaps in the middle of a motion")
+            except FridaError as failure:
+                self._unkept = failure
+
+    def explain(self, why: str) -> RobotDisconnected:
+        """Returns the error for people, after `engage`. why: how the process ended, in words."""
+        told = f"The easel's process is gone ({why}). "
+        if not self.connected or self.latch is None:
+            return RobotAbandoned(f"{told}The robot was not connected, and did not move.", held=False, latched=False)
+        if isinstance(self.latch, Unlatched):
+            return RobotAbandoned(f"{told}It was a simulated robot; resume the painting.", held=False, latched=False)
+        told += (
+            "This process told the machine to hold over the same line. "
+            if self.held
+            else "Nobody could tell the robot to stop: what its board had received is finished. "
+        )
+        if self._unkept is not None:
+            told += f"The stop could not be stored ({self._unkept}) Start nothing before somebody has looked at it."
+        else:
+            told += f"It is stopped for this program until you arm it: {self.latch.remedy}"
+        return RobotAbandoned(told, held=self.held, latched=self._unkept is None)
+
+
+class Link:
+    """Link to the easel's process: sends one request at a time.
+
+    last: stop of the robot if that process vanishes
+    process: of the easel; it is ended if it neither answers nor takes a stop
+    tell: receives sentences of the easel's process for people
+    patience: seconds to wait for an answer, or for the promise of a later one
+    most_silence: greatest time without a heartbeat during the wait, seconds
+
+    Raises RobotDisconnected if there is no answer, after sending a stop. The link is then broken for good.
+    Raises the errors that the easel reports.
+    """
+
+    def __init__(
+        self,
+        wire: Wire,
+        pulse: Pulse,
+        last: LastStop | None = None,
+        process: subprocess.Popen[bytes] | None = None,
+        tell: Callable[[str], None] = lambda remark: None,
+    ) -> None:
+        self._wire, self.pulse, self.last, self._process, self._tell = wire, pulse, last or LastStop(), process, tell
+        self.patience, self.most_silence = _CALL, _MAX_SILENCE
+        self._turn = threading.Lock()
+        self._broken: RobotDisconnected | None = None
+
+    def call(self, request: Request, arguments: Mapping[str, Any]) -> Any:
+        """Returns the result of a request with its arguments by name."""
+        return request.result(*self.ask(*request.pack(arguments)))
+
+    def ask(self, words: Mapping[str, Any], arrays: Arrays | None = None) -> tuple[dict[str, Any], Arrays]:
+        """Returns the answer of the easel's process to a request."""
+        part, task = words.get("part"), words["do"]
+        with self._turn:
+            if self._broken is not None:
+                raise self._broken.with_traceback(None)
+            if (part, task) == ("robot", "connect"):
+                self.last.connected = True
+            try:
+                self._wire.send(words, arrays)
+                # The process sends no heartbeats while it closes everything.
+                answer, result = self._answer(listen=task != "end")
+            except RobotDisconnected as error:
+                self._broken = self._give_up(error)
+                raise self._broken from error
+        for remark in answer.get("remarks", ()):
+            self._tell(str(remark))
+        if self.last.latch is not None:
+            self.last.latch.machines = frozenset(answer.get("machines", self.last.latch.machines))
+        if "error" in answer:
+            raise decode_error(answer)
+        if task == "end" or (part, task) == ("robot", "close"):
+            self.last.connected = False
+        return answer, result
+
+    def _answer(self, *, listen: bool) -> tuple[dict[str, Any], Arrays]:
+        now = began = time.monotonic()
+        until = began + self.patience
+        while True:
+            while now < until and not self._wire.waits(min(_LOOK_EVERY, until - now)):
+                now = time.monotonic()
+                silent = min(self.pulse.silent, now - began)
+                if listen and silent > self.most_silence:
+                    raise RobotDisconnected(f"Nothing has been heard from it for {silent:.0f} s.")
+            answer, arrays = self._wire.receive(max(until - time.monotonic(), 0.0))
+            if "within" not in answer:
+                return answer, arrays
+            until = max(until, time.monotonic() + float(answer["within"]) + _MARGIN)
+
+    def _give_up(self, error: RobotDisconnected) -> RobotDisconnected:
+        """Stops the robot by all means that are left, and returns the error for people."""
+        pulse = self.pulse
+        pulse.stop()
+        until = time.monotonic() + _HEEDING
+        while not (pulse.gone.wait(0.01) or pulse.stopped or time.monotonic() > until):
+            pass
+        why = ""
+        if not (pulse.gone.is_set() or pulse.stopped):  # it is frozen, or hangs as a whole
+            why = f"{str(error).rstrip('.')}, and it was ended"
+            if self._process is not None:
+                self._process.kill()
+            pulse.gone.wait(_WRITING)
+        if pulse.gone.is_set() and not pulse.ended:
+            return self.last.explain(why or self._describe_end())
+        return RobotDisconnected(
+            f"The easel's process does not answer ({error}) The robot was told to stop; look at it before going on."
+        )
+
+    def _describe_end(self) -> str:
+        ended = None
+        if self._process is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                ended = self._process.wait(_HEEDING)
+        if ended is None:
+            return "nobody knows why"
+        return f"signal {-ended}" if ended < 0 else f"exit status {ended}"
+
+    def end(self, *, ask: bool = True) -> None:
+        """Disconnects from the easel's process. Raises the errors that it reports.
+
+        ask: True to wait first until the process has closed everything
+        """
+        try:
+            if ask and self._broken is None:
+                self.ask({"do": "end"})
+        finally:
+            self._wire.close()
+            self.pulse.end()
