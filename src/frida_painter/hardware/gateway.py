@@ -81,72 +81,57 @@ def faults(
 ) -> Iterator[Fault]:
     """Yields each motion that is not allowed, with its first fault."""
     for motion in batch:
-        found = _of_form(motion) or _outside(motion, workspace)
-        found = found or (_too_deep(motion, workspace, surface) if surface else None)
-        found = found or (_out_of_reach(motion, reach) if reach else None)
-        found = found or (_beyond_travel(motion, travel) if travel else None)
-        if found:
+        for found in _faults_of(motion, workspace, surface, reach, travel):
             yield Fault(motion.label, *found)
+            break
 
 
-def _of_form(motion: Waypoints) -> tuple[str, str] | None:
-    shape = motion.position.shape
-    if motion.position.ndim != 2 or shape[1] != 3 or shape[0] == 0:
-        return f"waypoints of shape {shape} were planned; one or more (x, y, z) are needed", "report this"
+def _faults_of(
+    motion: Waypoints,
+    workspace: Workspace,
+    surface: Surface | None,
+    reach: Reach | None,
+    travel: TravelLimits | None,
+) -> Iterator[tuple[str, str]]:
+    """Yields the reasons why a motion is not allowed, each with its remedy."""
+    way = motion.position
+
+    def where(wrong: NDArray[np.bool_]) -> tuple[str, int, int]:
+        """Returns the first coordinate that is wrong [k, 3], in words and by its waypoint and axis."""
+        point, axis = map(int, np.argwhere(wrong)[0])
+        return f"{'xyz'[axis]} = {way[point, axis]:.4f} m at waypoint {point}", point, axis
+
+    if way.ndim != 2 or way.shape[1] != 3 or way.shape[0] == 0:
+        yield f"waypoints of shape {way.shape} were planned; one or more (x, y, z) are needed", "report this"
+        return
     if not 0 < motion.speed <= FASTEST:
         allowed = f"a speed of {motion.speed} m/s was planned; allowed is above 0 to {FASTEST} m/s"
-        return allowed, "correct the speeds of the workspace"
-    return None
-
-
-def _outside(motion: Waypoints, workspace: Workspace) -> tuple[str, str] | None:
-    lower, upper = np.array(workspace.lower) - _TOLERANCE, np.array(workspace.upper) + _TOLERANCE
-    outside = np.argwhere(~((motion.position >= lower) & (motion.position <= upper)))
-    if not len(outside):
-        return None
-    point, axis = outside[0]
-    reason = (
-        f"{_axis(motion, point, axis)}; the workspace reaches from {workspace.lower[axis]:.4f} to "
-        f"{workspace.upper[axis]:.4f} m"
-    )
-    return reason, "move the canvas into reach or make the workspace true"
-
-
-def _too_deep(motion: Waypoints, workspace: Workspace, surface: Surface) -> tuple[str, str] | None:
-    over = workspace.to_canvas(motion.position)
-    size = np.array([surface.size.width, surface.size.height])
-    above_canvas = ((over >= -_BESIDE) & (over <= size + _BESIDE)).all(1)
-    floor = surface.floor(over)
-    deep = above_canvas & ~(motion.position[:, 2] >= floor - _TOLERANCE)
-    if not deep.any():
-        return None
-    point = int(deep.argmax())
-    reason = f"{_axis(motion, point, 2)}, over the canvas; the hardest press is at {floor[point]:.4f} m there"
-    return reason, "repeat the brush calibration or make the workspace true"
-
-
-def _out_of_reach(motion: Waypoints, reach: Reach) -> tuple[str, str] | None:
-    asked = np.unique(np.r_[np.arange(0, len(motion.position), _ASKED_EVERY), len(motion.position) - 1])
-    position: NDArray[np.float64] = motion.position[asked]
-    within = reach.reachable(position)
-    if within.all():
-        return None
-    point = int((~within).argmax())
-    place = "({:.3f}, {:.3f}, {:.3f}) m".format(*position[point])
-    return f"the arm does not reach {place}", "move what is to be reached nearer to the robot"
-
-
-def _beyond_travel(motion: Waypoints, travel: TravelLimits) -> tuple[str, str] | None:
-    beyond = travel.beyond(motion.position)
-    if not beyond.any():
-        return None
-    point, axis = np.argwhere(beyond)[0]
-    reason = f"{_axis(motion, point, axis)}; the machine's own limits are {travel.describe(axis)}"
-    return reason, "move the canvas into its travel, or change its limits if they are wrong"
-
-
-def _axis(motion: Waypoints, point: int, axis: int) -> str:
-    return f"{'xyz'[axis]} = {motion.position[point, axis]:.4f} m at waypoint {point}"
+        yield allowed, "correct the speeds of the workspace"
+    lower, upper = np.array(workspace.lower), np.array(workspace.upper)
+    outside = ~((way >= lower - _TOLERANCE) & (way <= upper + _TOLERANCE))
+    if outside.any():
+        told, _, axis = where(outside)
+        reason = f"{told}; the workspace reaches from {lower[axis]:.4f} to {upper[axis]:.4f} m"
+        yield reason, "move the canvas into reach or make the workspace true"
+    if surface is not None:
+        over, size = workspace.to_canvas(way), np.array([surface.size.width, surface.size.height])
+        above_canvas = ((over >= -_BESIDE) & (over <= size + _BESIDE)).all(1)
+        floor = surface.floor(over)
+        deep = above_canvas & ~(way[:, 2] >= floor - _TOLERANCE)
+        if deep.any():
+            told, point, _ = where(deep[:, None] & [False, False, True])
+            reason = f"{told}, over the canvas; the hardest press is at {floor[point]:.4f} m there"
+            yield reason, "repeat the brush calibration or make the workspace true"
+    if reach is not None:
+        asked = way[np.unique(np.r_[np.arange(0, len(way), _ASKED_EVERY), len(way) - 1])]
+        within = reach.reachable(asked)
+        if not within.all():
+            place = "({:.3f}, {:.3f}, {:.3f}) m".format(*asked[int((~within).argmax())])
+            yield f"the arm does not reach {place}", "move what is to be reached nearer to the robot"
+    if travel is not None and (beyond := travel.beyond(way)).any():
+        told, _, axis = where(beyond)
+        reason = f"{told}; the machine's own limits are {travel.describe(axis)}"
+        yield reason, "move the canvas into its travel, or change its limits if they are wrong"
 
 
 _ARRIVED = 0.002
@@ -160,7 +145,7 @@ class RobotGateway:
     last_motion: time of the last motion, seconds of the robot's clock
 
     Every wait for a motion has a deadline. The guard in the easel's process gives up a driver (easel/guard.py), and
-    the link gives up that process (easel/parent.py); both raise RobotDisconnected. A person who paints by hand has
+    the link gives up that process (easel/connection.py); both raise RobotDisconnected. A person who paints by hand has
     no deadline. Neither has the virtual studio if an experiment opens it without its own process.
     """
 
