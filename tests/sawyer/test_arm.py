@@ -127,7 +127,7 @@ def test_moving_as_slowly_as_a_real_one_it_stops_within_a_tenth_of_a_second():
 
 def test_braking_takes_a_tenth_of_a_second_and_a_few_millimetres(hand):
     """Stopped in full travel: how far the tip still goes, by the arm's own clock."""
-    arm = hand.studio.robot._arm
+    arm = hand.studio.robot.arm
     body, kinematics = arm._body, arm._kinematics
     start = hand.studio.robot.pose()
     along = np.linspace(0, 1, 120)[:, None]

@@ -8,6 +8,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from typing import Any, TypeVar
 
 from frida_painter.errors import FridaError
@@ -47,8 +48,8 @@ class Caller:
     """
 
     def __init__(self, name: str) -> None:
-        self._calls: queue.SimpleQueue[_Call | None] = queue.SimpleQueue()
-        self._current: _Call | None = None
+        self._calls: queue.SimpleQueue[tuple[Callable[[], Any], Future[Any]] | None] = queue.SimpleQueue()
+        self._current: Future[Any] | None = None
         self._name = name
         self._thread: threading.Thread | None = None
 
@@ -65,46 +66,31 @@ class Caller:
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, name=self._name, daemon=True)
             self._thread.start()
-        self._current = call = _Call(act)
-        self._calls.put(call)
+        self._current = call = Future()
+        self._calls.put((act, call))
         self._wait_for(call, until)
-        if isinstance(call.error, Exception):
-            raise call.error
-        if call.error is not None:
-            raise LibraryExit(one_line(call.error)) from call.error
-        return call.result
+        error = call.exception()
+        if error is not None and not isinstance(error, Exception):
+            raise LibraryExit(one_line(error)) from error
+        return call.result()
 
     def end(self) -> None:
         """Ends the thread when its current call has returned. A later call starts another thread."""
         self._calls.put(None)
         self._thread = None
 
-    def _wait_for(self, call: "_Call", until: Callable[[], float]) -> None:
-        while not call.finished.wait(_LOOK_EVERY):
+    def _wait_for(self, call: "Future[Any]", until: Callable[[], float]) -> None:
+        while not wait((call,), _LOOK_EVERY).done:
             if not steady() <= until():
                 raise Overdue(f"{self._name} did not return in time")
 
     def _work(self) -> None:
-        while (call := self._calls.get()) is not None:
-            call.make()
-
-
-class _Call:
-    """One call with its result or its error."""
-
-    def __init__(self, act: Callable[[], Any]) -> None:
-        self.finished = threading.Event()
-        self.result: Any = None
-        self.error: BaseException | None = None
-        self._act = act
-
-    def make(self) -> None:
-        try:
-            self.result = self._act()
-        except BaseException as error:  # any exception of a driver or a library; the caller sorts it
-            self.error = error
-        finally:
-            self.finished.set()
+        while (job := self._calls.get()) is not None:
+            act, call = job
+            try:
+                call.set_result(act())
+            except BaseException as error:  # any exception of a driver or a library; the caller sorts it
+                call.set_exception(error)
 
 
 def within(seconds: float, what: str, call: Callable[[], T]) -> T:

@@ -21,8 +21,17 @@ class Bump:
     turn: float = 0.0
 
 
+class _OfPhotographs:
+    first: int
+    last: int | None
+
+    def concerns(self, photograph: int) -> bool:
+        """Returns True if the fault is in that photograph."""
+        return self.first <= photograph and (self.last is None or photograph <= self.last)
+
+
 @dataclass(frozen=True)
-class LostFocus:
+class LostFocus(_OfPhotographs):
     """Blur of the photographs `first` to `last` (None: all later ones).
 
     blur: standard deviation of the blur, share of the photograph's width; 0.005 is 8 of 1600 pixels.
@@ -31,10 +40,6 @@ class LostFocus:
     first: int
     last: int | None = None
     blur: float = 0.005
-
-    def concerns(self, photograph: int) -> bool:
-        """Returns True if that photograph is blurred."""
-        return self.first <= photograph and (self.last is None or photograph <= self.last)
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ class LightChange:
 
 
 @dataclass(frozen=True)
-class InSight:
+class InSight(_OfPhotographs):
     """Hand or glare over the canvas in the photographs `first` to `last` (None: all later ones).
 
     place: position of the palm or of the glare's middle, (across, down) as shares of the photograph.
@@ -62,10 +67,6 @@ class InSight:
     first: int
     last: int | None = None
     place: tuple[float, float] = (0.55, 0.5)
-
-    def concerns(self, photograph: int) -> bool:
-        """Returns True if it is in that photograph."""
-        return self.first <= photograph and (self.last is None or photograph <= self.last)
 
 
 @dataclass(frozen=True)

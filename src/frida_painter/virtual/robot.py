@@ -4,7 +4,6 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,8 +67,8 @@ class Course:
     angles: NDArray[np.float64] | None = None
 
 
-class Watcher(Protocol):
-    """Observer of the arm's motions."""
+class Watcher:
+    """Observer of the arm's motions; this one does nothing."""
 
     def open(self) -> None:
         """Prepares, before anything moves."""
@@ -81,20 +80,7 @@ class Watcher(Protocol):
         """Ends the observation."""
 
 
-class Nobody:
-    """Observer that does nothing."""
-
-    def open(self) -> None:
-        """Does nothing."""
-
-    def watch(self, course: Course) -> None:
-        """Does nothing."""
-
-    def close(self) -> None:
-        """Does nothing."""
-
-
-class Arm(Protocol):
+class Arm:
     """Arm of the studio; it knows nothing about painting, and its time passes only while it moves."""
 
     def connect(self, tip: NDArray[np.float64]) -> None:
@@ -109,9 +95,11 @@ class Arm(Protocol):
         When `stopped` is set, the arm brakes at once, and the course ends where it came to rest. Raises
         WorkspaceViolation, without moving, if it cannot go that way.
         """
+        raise NotImplementedError
 
     def state(self) -> Sequence[float]:
         """Returns the state that the next motion depends on, apart from the tip position; empty if there is none."""
+        return ()
 
     def remember(self, state: Sequence[float]) -> None:
         """Sets the state for the next `connect`."""
@@ -120,7 +108,7 @@ class Arm(Protocol):
         """Releases the resources of `connect`."""
 
 
-class FreeArm:
+class FreeArm(Arm):
     """Arm that moves the tip exactly along its way, as no real arm does.
 
     timing: accelerations. None: the tip always has its full speed.
@@ -129,35 +117,19 @@ class FreeArm:
     def __init__(self, timing: Timing | None = None) -> None:
         self._timing = timing
 
-    def connect(self, tip: NDArray[np.float64]) -> None:
-        """Does nothing."""
-
     def move(self, way: Way, stopped: threading.Event, pace: float) -> Course:
         """Moves along the way; a motion without pace cannot be stopped."""
-        path, when = self._schedule(way)
+        if self._timing is None:
+            path, when = way.path, way.when()
+        else:
+            path = self._timing.places(way.path, way.speeds())
+            when = np.asarray(np.arange(len(path)) * self._timing.period, np.float64)
         if pace > 0:
             began = time.monotonic()
             while (gone := (time.monotonic() - began) / pace) < when[-1]:
                 if stopped.wait(min(_SLICE, (when[-1] - gone) * pace)):
                     return _until((time.monotonic() - began) / pace, path, when)
         return Course(path, float(when[-1]))
-
-    def state(self) -> Sequence[float]:
-        """Returns an empty state."""
-        return ()
-
-    def remember(self, state: Sequence[float]) -> None:
-        """Does nothing."""
-
-    def close(self) -> None:
-        """Does nothing."""
-
-    def _schedule(self, way: Way) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Returns points [k, 3] of the way, and their times (s) [k]."""
-        if self._timing is None:
-            return way.path, way.when()
-        places = self._timing.places(way.path, way.speeds())
-        return places, np.asarray(np.arange(len(places)) * self._timing.period, np.float64)
 
 
 def _until(seconds: float, path: NDArray[np.float64], when: NDArray[np.float64]) -> Course:
@@ -188,14 +160,16 @@ class VirtualRobot:
     motions: number of motions that began.
     note: receives the arm's state after every motion.
     watcher: observer of the motions.
+    arm: arm that holds the brush.
     """
 
     def __init__(self, table: Table, layout: StudioLayout, arm: Arm, clock: Clock, pace: float = 0.0) -> None:
         self.faults: Faults = NO_FAULTS
         self.motions = 0
         self.note: Note = ignore_entry
-        self.watcher: Watcher = Nobody()
-        self._table, self._workspace, self._arm, self._clock = table, layout.workspace, arm, clock
+        self.watcher = Watcher()
+        self.arm = arm
+        self._table, self._workspace, self._clock = table, layout.workspace, clock
         self._pace = pace
         self._home = np.array(layout.home)
         self._tip = np.array(layout.home)
@@ -205,7 +179,7 @@ class VirtualRobot:
     def connect(self) -> None:
         """Switches the robot on; a second call changes nothing. Raises RobotError if its arm cannot be connected."""
         if not self._connected:
-            self._arm.connect(self._tip)
+            self.arm.connect(self._tip)
             self.watcher.open()
         self._connected = True
 
@@ -213,10 +187,6 @@ class VirtualRobot:
         """Repeats the effects of a motion from the log that ended at `tip` [3] metres."""
         self._tip = tip.copy()
         self.motions += 1
-
-    def remember_arm(self, state: list[float]) -> None:
-        """Restores the arm's state from the log."""
-        self._arm.remember(state)
 
     def rearm(self) -> None:
         """Allows motions after a stop; for a person who has looked at the robot."""
@@ -250,7 +220,7 @@ class VirtualRobot:
         way, error = self._as_it_goes(waypoints, number)
         started = self._clock.now
         try:
-            course = self._arm.move(way, self._stopped, self._pace)
+            course = self.arm.move(way, self._stopped, self._pace)
         except WorkspaceViolation:
             self.motions = number  # it was not begun
             raise
@@ -258,7 +228,7 @@ class VirtualRobot:
         # The canvas gets the way as a whole, so that marks do not depend on the checks for a stop.
         self._table.move(course.places, self._clock.now, self.faults)
         self._tip = course.places[-1].copy()
-        if state := self._arm.state():
+        if state := self.arm.state():
             self.note({"did": "arm", "state": list(state)})
         self.watcher.watch(course)
         if course.stopped:
@@ -275,7 +245,7 @@ class VirtualRobot:
     def close(self) -> None:
         """Switches the robot off, and closes the observer."""
         if self._connected:
-            self._arm.close()
+            self.arm.close()
             self.watcher.close()
         self._connected = False
 

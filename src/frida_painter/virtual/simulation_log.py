@@ -5,15 +5,13 @@ If a power cut tears a record, its rest is dropped.
 """
 
 import json
-import re
 from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from frida_painter import storage
 from frida_painter.errors import StorageError
-from frida_painter.event_log import MAX_BYTES, EventLog, LogPolicy
+from frida_painter.event_log import EventLog, LogPolicy
 
 Entry = Mapping[str, Any]
 # Function of an entry, and of `flush`: True if all entries so far must survive a power cut.
@@ -22,7 +20,6 @@ Note = Callable[..., None]
 _FORMAT = "frida-painter studio"
 _VERSION = 1
 _POLICY = LogPolicy("the diary of a virtual studio", precious=True)
-_FIRST_LINE_OF_FIRST_VERSION = re.compile(rb"[0-9a-f]{8} \{")
 
 
 class SimulationLog:
@@ -30,16 +27,13 @@ class SimulationLog:
 
     studio: setup of the studio, in plain values.
     past: entries of earlier sessions.
-    Raises StorageError if the file cannot be written, is damaged, belongs to another studio, or is of the first
-    version.
+    Raises StorageError if the file cannot be written, is damaged, belongs to another studio, or is of another version.
     """
 
     def __init__(self, path: Path, studio: Entry) -> None:
         self.path = path
         self._unwritten: deque[tuple[Entry, bool]] = deque()
-        if path.exists():
-            _refuse_first_version(path)
-        else:
+        if not path.exists():
             EventLog.write(path, [{"format": _FORMAT, "version": _VERSION, "studio": studio}])
         log = EventLog(path, _POLICY)
         first, *past = log.found
@@ -96,10 +90,3 @@ class SimulationLog:
 
 def ignore_entry(entry: Entry, *, flush: bool = False) -> None:
     """Ignores the entry, for a studio without a log."""
-
-
-def _refuse_first_version(path: Path) -> None:
-    """Raises StorageError for a file of the first version, with lines of a CRC-32 and JSON."""
-    with storage.open_checked(path, _POLICY.what, MAX_BYTES) as file:
-        if _FIRST_LINE_OF_FIRST_VERSION.match(file.read(10)) is not None:
-            raise StorageError(storage.refuse_first_version(str(path)))

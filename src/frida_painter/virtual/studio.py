@@ -158,11 +158,6 @@ def relive(
             case "move":
                 clock.now = entry["now"]
                 path = np.array(entry["path"])
-                if "lean" in entry:
-                    raise StorageError(
-                        "The brush leaned in this painting, and brushes are upright now; go on with the version that "
-                        "began the painting."
-                    )
                 table.move(path, clock.now, robot.faults)
                 robot.remember(path[-1])
                 if table.tuft.volume != entry["brush"]:
@@ -171,7 +166,7 @@ def relive(
                 if not operator.hand.relive(entry):
                     raise other
             case "arm":
-                robot.remember_arm(entry["state"])
+                robot.arm.remember(entry["state"])
             case "photograph":
                 clock.now = entry["now"]
                 camera.remember(entry["exposed"])

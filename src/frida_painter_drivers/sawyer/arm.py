@@ -14,7 +14,7 @@ from frida_painter.errors import RobotError, WorkspaceViolation
 from frida_painter.hardware.robot import Workspace
 from frida_painter.hardware.timing import Timing
 from frida_painter.virtual.bristles import BristleBrush
-from frida_painter.virtual.robot import Course, FreeArm, Way
+from frida_painter.virtual.robot import Arm, Course, FreeArm, Way
 from frida_painter.virtual.studio import ArmAndTable, StudioArm
 from frida_painter.virtual.tabletop import HandNoise, sawyer_layout
 
@@ -26,7 +26,7 @@ TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
 """Limits on its motion: gentle enough for its motors, and for a wet brush."""
 
 
-class SawyerArm:
+class SawyerArm(Arm):
     """Simulated Sawyer: inverse kinematics at 100 Hz, joint control and physics at 500 Hz.
 
     seed: of the controller's error about the friction

@@ -27,7 +27,7 @@ from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.robot import Workspace
 from frida_painter.video import RATE, VideoEncoder
 from frida_painter.virtual.paint import BANDS, to_srgb
-from frida_painter.virtual.robot import Course
+from frida_painter.virtual.robot import Course, Watcher
 from frida_painter.virtual.tabletop import Table
 from frida_painter_drivers.sawyer.surroundings import CANVAS, CANVAS_PIXELS, fill, make_model, paper
 
@@ -232,7 +232,7 @@ class FilmMoment(NamedTuple):
     wells: tuple[NDArray[np.float64], ...]
 
 
-class ArmFilm:
+class ArmFilm(Watcher):
     """Film of an arm: `open` before it moves, `watch` its motions, `close`. Failures never stop the arm.
 
     path: of the film; an earlier film there is continued
