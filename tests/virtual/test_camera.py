@@ -32,16 +32,8 @@ def test_a_photograph_is_newer_than_the_motion_before_it_and_numbered():
     assert frames[0].image.shape == (480, 640, 3)
     assert frames[0].image.dtype == np.uint8
     assert hand.easel.calibration.photograph == (480, 640)
-
-
-def test_a_moment_that_has_not_come_yet_is_not_photographed():
-    hand = Hand(camera=SMALL)
     with pytest.raises(StaleFrame, match="later than"):
         hand.easel.camera.capture(1e6)
-
-
-def test_it_must_be_connected():
-    hand = Hand(camera=SMALL)
     hand.easel.camera.close()
     with pytest.raises(CameraError, match="connect"):
         hand.easel.camera.capture(0.0)

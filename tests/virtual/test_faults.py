@@ -2,8 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
-from frida_painter.errors import RobotError, StaleFrame
-from frida_painter.hardware.faults import Bump, Faults, LightChange, LostFocus
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import CameraError, RobotError, StaleFrame
+from frida_painter.hardware.faults import Bump, Faults, InSight, LightChange, LostFocus
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.paint import to_linear
@@ -11,7 +12,7 @@ from frida_painter.virtual.paint import to_linear
 from .hand import Hand
 
 BLACK = [0.08, 0.08, 0.08]
-SMALL = CameraSpec(photograph=(480, 640))
+SMALL, TINY = CameraSpec(photograph=(480, 640)), CameraSpec(photograph=(240, 320))
 
 
 def test_a_dropped_touch_leaves_no_mark_and_the_next_one_does():
@@ -42,13 +43,22 @@ def test_a_bumped_canvas_moves_under_the_brush_and_in_the_photograph():
     assert (np.abs(photographs[0] - photographs[1]).max(2) > 60).mean() > 0.01
 
 
-def test_a_stale_photograph_is_the_one_before_and_is_reported_as_such():
-    hand = Hand(BLACK, camera=SMALL, faults=Faults(stale_photographs=frozenset({1})))
+def test_photographs_that_are_stale_frozen_or_not_taken():
+    """A stale one is the one before; a frozen camera gives its last picture as a new one."""
+    faults = Faults(
+        stale_photographs=frozenset({1}), frozen_photographs=frozenset({3}), failed_photographs=frozenset({5})
+    )
+    hand = Hand(BLACK, camera=SMALL, faults=faults)
     first = hand.easel.camera.capture(0.0)
     report = hand.easel.robot.home()
     with pytest.raises(StaleFrame, match="take another"):
         hand.easel.camera.capture(report.finished_at)
-    assert hand.easel.camera.capture(report.finished_at).captured_at > first.captured_at
+    second, third, fourth = (hand.easel.camera.capture(report.finished_at) for _ in range(3))
+    assert first.captured_at <= report.finished_at < second.captured_at < third.captured_at
+    assert np.array_equal(second.image, third.image) and not np.array_equal(third.image, fourth.image)
+    with pytest.raises(CameraError, match="does not answer"):
+        hand.easel.camera.capture(0.0)
+    assert hand.easel.camera.capture(0.0).sequence == 6
 
 
 def test_a_dead_robot_refuses_everything_from_that_motion_on():
@@ -57,6 +67,8 @@ def test_a_dead_robot_refuses_everything_from_that_motion_on():
     for motion in (hand.easel.robot.home, hand.easel.robot.home, hand.easel.robot.pose):
         with pytest.raises(RobotError, match="answer"):
             motion()
+    hand.studio.break_things(Faults())
+    hand.easel.robot.home()
 
 
 def test_a_stuck_motion_says_where_it_really_ended():
@@ -67,15 +79,6 @@ def test_a_stuck_motion_says_where_it_really_ended():
     assert np.array_equal(report.reached, hand.easel.robot.pose())
     assert np.linalg.norm(report.reached - path[-1]) > 0.03
     assert np.array_equal(hand.easel.robot.follow(Waypoints("again", path, 0.1)).reached, path[-1])
-
-
-def test_faults_may_be_set_and_mended_while_painting():
-    hand = Hand(BLACK)
-    hand.studio.break_things(Faults(dead_from_motion=0))
-    with pytest.raises(RobotError):
-        hand.easel.robot.home()
-    hand.studio.break_things(Faults())
-    hand.easel.robot.home()
 
 
 def sharpness(image: np.ndarray) -> float:
@@ -116,3 +119,36 @@ def test_an_empty_well_gives_no_paint_until_it_is_filled_again():
         taken.append(hand.studio.balance().drawn > before)
         hand.clean()
     assert taken == [False, True, False, True]
+
+
+def photographs(faults: Faults, count: int = 3) -> list[np.ndarray]:
+    hand = Hand(camera=TINY, faults=faults)
+    hand.easel.robot.home()
+    return [hand.easel.camera.capture(0.0).image.astype(int) for _ in range(count)]
+
+
+def test_a_hand_lies_in_the_photographs_named_from_the_lower_edge_to_its_place() -> None:
+    """Over a canvas of 42 cm, a hand of 20 cm and its forearm, with all five fingers."""
+    faults = Faults(in_sight=(InSight("hand", 1, 1, place=(0.4, 0.5)),))
+    hand = Hand(camera=TINY, canvas=CanvasSize(0.42, 0.297), cell=2.0, faults=faults)
+    hand.easel.robot.home()
+    before, during, after = (hand.easel.camera.capture(0.0).image.astype(int) for _ in range(3))
+    covered = np.abs(during - before).max(2) > 40
+    rows = np.flatnonzero(covered.any(1))
+    assert covered[120, 128], "the palm is at its place"
+    assert np.array_equal(rows, np.arange(rows[0], 240)), "in one piece, out of the lower edge"
+    assert 20 < rows[0] < 60 and not covered[:, [0, -1]].any(), "the fingers end over the canvas"
+    fingertips = np.diff(np.r_[0, covered[rows[0] + 20], 0]) == 1
+    assert fingertips.sum() == 4
+    blue = during[-1, covered[-1]]
+    assert (blue[:, 2] > blue[:, 0]).mean() > 0.8, "a sleeve is what comes from below"
+    assert (np.abs(after - before).max(2) > 40).mean() < 0.001
+
+
+def test_glare_is_brighter_than_can_be_recorded() -> None:
+    before, during, _ = photographs(Faults(in_sight=(InSight("glare", 1, 1, place=(0.6, 0.4)),)))
+    row, column = round(0.4 * 239), round(0.6 * 319)
+    assert (during[row, column] == 255).all() and (before[row, column] < 255).any()
+    assert (during >= before - 30).all()
+    first, second, _ = photographs(Faults(in_sight=(InSight("glare", 5),)))
+    assert np.abs(first - second).mean() < 3, "what is not there yet is not seen"
