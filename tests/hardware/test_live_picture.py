@@ -11,6 +11,7 @@ from frida_painter.easel.guard import GuardedCamera
 from frida_painter.easel.host import LivePicture, encode_jpeg
 from frida_painter.errors import CameraError
 from frida_painter.hardware.robot import Frame
+from session.easel_errands import until
 
 PATIENCE = 20.0
 
@@ -41,23 +42,14 @@ class Webcam(StillCamera):
         return np.full((480, 1920, 3), min(255, 20 * self.glances), np.uint8)
 
 
-def until(happens: object, seconds: float = PATIENCE) -> bool:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        if happens():  # type: ignore[operator]
-            return True
-        time.sleep(0.01)
-    return False
-
-
 def test_a_live_camera_has_its_picture_in_the_file_until_it_is_dismissed(tmp_path: Path) -> None:
     webcam, path = Webcam(), tmp_path / ".camera.jpg"
     live = LivePicture(GuardedCamera(webcam), path, between=0.01)
-    assert until(lambda: webcam.glances > 3)
+    until(lambda: webcam.glances > 3)
     with Image.open(path) as picture:
         assert picture.size == (960, 240)
     live.dismiss()
-    assert until(lambda: not path.exists())
+    until(lambda: not path.exists())
     seen = webcam.glances
     time.sleep(0.1)
     assert webcam.glances == seen
@@ -68,21 +60,19 @@ def test_what_fails_is_tried_again_and_nobody_else_hears_of_it(tmp_path: Path) -
     webcam.broken = True
     guarded = GuardedCamera(webcam)
     live = LivePicture(guarded, path, between=0.01)
-    assert until(lambda: webcam.glances > 3) and not path.exists()
+    until(lambda: webcam.glances > 3)
+    assert not path.exists()
     assert guarded.capture(5.0).captured_at == 6.0
     webcam.broken = False
-    assert until(path.exists)
+    until(path.exists)
     live.dismiss()
 
 
-def test_a_camera_that_takes_single_photographs_is_left_alone(tmp_path: Path) -> None:
+def test_nobody_glances_at_a_camera_of_single_photographs_or_while_the_painter_photographs(tmp_path: Path) -> None:
     live = LivePicture(GuardedCamera(StillCamera()), tmp_path / ".camera.jpg", between=0.01)
     time.sleep(0.1)
     assert GuardedCamera(StillCamera()).glance() is None and list(tmp_path.iterdir()) == []
     live.dismiss()
-
-
-def test_nobody_glances_while_the_painter_photographs() -> None:
     glanced: list[object] = []
 
     class Busy(Webcam):

@@ -66,7 +66,8 @@ class Caller:
         if self._thread is None:
             self._thread = threading.Thread(target=self._work, name=self._name, daemon=True)
             self._thread.start()
-        self._current = call = Future()
+        call: Future[T] = Future()
+        self._current = call
         self._calls.put((act, call))
         self._wait_for(call, until)
         error = call.exception()
