@@ -7,6 +7,7 @@ from torch import Tensor
 
 from frida_painter.easel.dialogue import Answer, Confirm, Question
 from frida_painter.errors import Interrupted
+from frida_painter.hardware.easel import Operator
 from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import PaintSet
@@ -16,35 +17,8 @@ from frida_painter.sheet import CREAM, INK, Grid, Sheet, to_bytes
 _SWATCH = 150  # pixels
 
 
-class AbsentOperator:
-    """Operator of a process without a dialogue; the painting process asks the person.
-
-    Implements hardware.easel.Operator.
-    """
-
-    def fill_wells(self, palette: Palette) -> None:
-        """Does nothing: the painting process asks the person."""
-
-    def change_brush(self, brush: str) -> None:
-        """Does nothing: the painting process asks the person."""
-
-    def tone(self, ground: tuple[float, float, float]) -> None:
-        """Does nothing: the painting process asks the person."""
-
-    def let_dry(self, seconds: float) -> None:
-        """Does nothing: real paint dries without help."""
-
-    def lay_paper(self) -> bool:
-        """Returns False: a person must be asked."""
-        return False
-
-    def lay_checker(self) -> bool:
-        """Returns False: a person must be asked."""
-        return False
-
-    def take_checker_away(self) -> bool:
-        """Returns False: a person must be asked."""
-        return False
+class AbsentOperator(Operator):
+    """Operator of a process without a dialogue: the painting process asks the person, and paint dries without help."""
 
 
 class PersonAsOperator(AbsentOperator):

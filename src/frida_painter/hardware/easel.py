@@ -15,7 +15,10 @@ from frida_painter.palette import Palette
 
 
 class Operator(Protocol):
-    """Operator of an easel, who prepares what the robot needs: a person, or the virtual studio itself."""
+    """Operator of an easel, who prepares what the robot needs: a person, or the virtual studio itself.
+
+    The methods here do nothing, and leave paper and checker to a person.
+    """
 
     def fill_wells(self, palette: Palette) -> None:
         """Returns when well i holds paint i of the palette."""
@@ -31,12 +34,15 @@ class Operator(Protocol):
 
     def lay_paper(self) -> bool:
         """Returns True if a fresh, bare canvas is on the easel now; False if a person must be asked for one."""
+        return False
 
     def lay_checker(self) -> bool:
         """Returns True if the colour checker is in view of the camera now; False if a person must be asked for it."""
+        return False
 
     def take_checker_away(self) -> bool:
         """Returns True if the colour checker is gone; False if a person must be asked to take it away."""
+        return False
 
 
 @dataclass(frozen=True)
@@ -76,13 +82,8 @@ class PersonStroke:
     def record(self) -> dict[str, Any]:
         """Returns the stroke as plain values: numbers with as many digits as the float has."""
         way = np.c_[self.place, self.press, self.tilt, self.toward]
-        return {
-            "number": self.number,
-            "brush": self.brush,
-            "paint": self.paint,
-            "way": way.tolist(),
-            "seconds": self.seconds,
-        }
+        about = {name: getattr(self, name) for name in ("number", "brush", "paint", "seconds")}
+        return {**about, "way": way.tolist()}
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> Self:
