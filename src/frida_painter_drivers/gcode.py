@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.errors import FridaError, MotionFailed, RobotError
-from frida_painter.hardware.gcode import Gcode, Servo
+from frida_painter.hardware.gcode import Gcode, Servo, read_own
 from frida_painter.hardware.kinds import (
     MachineName,
     Needed,
@@ -24,7 +24,6 @@ from frida_painter.hardware.kinds import (
     require_home,
     yes_or_no,
 )
-from frida_painter.hardware.own_gcode import read_own
 from frida_painter.hardware.robot import (
     MachineFact,
     MotionReport,

@@ -39,32 +39,31 @@ SIZE = CanvasSize(0.14, 0.1)
 ARM_SIZE = example().replace("width = 0.3556", "width = 0.14").replace("height = 0.2794", "height = 0.1")
 
 
+@dataclass(frozen=True)
 class Played:
     """A machine that lives in real time: its name, its workspace, the place of its tip (m), and what stopped it."""
 
-    def __init__(self, name: str, workspace: str, tip: Callable[[], Any], heard: Callable[[], bool]) -> None:
-        self.name, self.workspace, self.tip, self.heard = name, workspace, tip, heard
+    name: str
+    workspace: str
+    tip: Callable[[], Any]
+    heard: Callable[[], bool]
 
 
 @contextmanager
-def grbl() -> Iterator[Played]:
-    controller = GrblController(GRBL, QUICK)
+def _firmware(kind: str, flavour: str, controller: Any, stop: str) -> Iterator[Played]:
     with Living(controller, pace=1.0) as living:
-        tell_zero(Gcode("grbl"), living.name, (0.1, -0.25, 0.25))
-        yield Played(
-            f"gcode:{living.name}", ARM_SIZE, lambda: controller.tip / 1000, lambda: "!" in controller.received
-        )
+        tell_zero(Gcode(flavour), living.name, (0.1, -0.25, 0.25))
+        heard = lambda: stop in controller.received  # noqa: E731
+        yield Played(f"{kind}:{living.name}", ARM_SIZE, lambda: controller.tip / 1000, heard)
 
 
-@contextmanager
-def marlin() -> Iterator[Played]:
+def grbl() -> AbstractContextManager[Played]:
+    return _firmware("gcode", "grbl", GrblController(GRBL, QUICK), "!")
+
+
+def marlin() -> AbstractContextManager[Played]:
     wide = Build(lowest=(-1000.0, -1000.0, -1000.0), highest=(1000.0, 1000.0, 1000.0))
-    controller = MarlinController(wide)
-    with Living(controller, pace=1.0) as living:
-        tell_zero(Gcode("marlin"), living.name, (0.1, -0.25, 0.25))
-        yield Played(
-            f"marlin:{living.name}", ARM_SIZE, lambda: controller.tip / 1000, lambda: "M410" in controller.received
-        )
+    return _firmware("marlin", "marlin", MarlinController(wide), "M410")
 
 
 @contextmanager
@@ -137,36 +136,26 @@ def in_motion(easel: Easel, played: Played, act: Callable[[], object]) -> Iterat
     yield
 
 
-@dataclass(frozen=True)
-class Killed:
-    """What became of a machine: seconds from the kill until its stop was heard, and metres that it went after that."""
+def kill_in_motion(played: Played, order: EaselOrder, *, stops: bool = True) -> tuple[RobotAbandoned, float]:
+    """Kills the easel's process in the middle of a motion; returns the error, and metres gone after the kill.
 
-    error: RobotAbandoned
-    heard: float
-    gone: float
+    stops: False if nothing will stop the machine
+    """
+    killed: list[np.ndarray] = []
 
-
-def kill_in_motion(played: Played, order: EaselOrder, *, stops: bool = True) -> Killed:
-    """Kills the easel's process in the middle of a motion. stops: False if nothing will stop the machine."""
-    killed: list[tuple[float, np.ndarray]] = []
-    heard: list[float] = []
-
-    def kill(pid: int) -> None:
-        killed.append((time.monotonic(), played.tip().copy()))
-        os.kill(pid, signal.SIGKILL)
+    def kill_and_wait() -> None:
+        killed.append(played.tip().copy())
+        process._process.kill()
         if stops:
             until(played.heard)
-        heard.append(time.monotonic())
 
     with pytest.raises(RobotAbandoned) as lost, EaselProcess() as process:
         easel = process.open(order)
         easel.robot.connect()
-        with in_motion(easel, played, lambda: kill(process._process.pid)):
+        with in_motion(easel, played, kill_and_wait):
             pass
-    until(lambda: heard)
-    at, there = killed[0]
     until(lambda: is_still(played))
-    return Killed(lost.value, heard[0] - at, float(np.linalg.norm(played.tip() - there)))
+    return lost.value, float(np.linalg.norm(played.tip() - killed[0]))
 
 
 def is_still(played: Played) -> bool:
@@ -182,10 +171,9 @@ def test_a_machine_whose_easels_process_was_killed_is_held_and_latched(
     """Fault B13: the easel's process is killed in the middle of a motion."""
     with machine() as played:
         order = order_of(played, tmp_path)
-        killed = kill_in_motion(played, order)
-        print(played.name, killed.heard, killed.gone)
-        assert (killed.error.held, killed.error.latched) == (True, True)
-        assert killed.gone < 0.05, "the way was 12 cm"
+        error, gone = kill_in_motion(played, order)
+        assert (error.held, error.latched) == (True, True)
+        assert gone < 0.05, "the way was 12 cm"
         with EaselProcess() as process, pytest.raises(RobotStopped):
             process.open(order)
         (latch,) = latches(order.state)
@@ -200,8 +188,8 @@ def test_where_no_second_descriptor_is_had_the_error_says_that_nobody_was_told(
     monkeypatch.setattr(GcodeRobot, "stop_line", lambda self: None)
     with grbl() as played:
         order = order_of(played, tmp_path)
-        killed = kill_in_motion(played, order, stops=False)
-        assert (killed.error.held, killed.error.latched) == (False, True)
+        error, _ = kill_in_motion(played, order, stops=False)
+        assert (error.held, error.latched) == (False, True)
         assert not played.heard() and latches(order.state)
 
 
@@ -220,18 +208,9 @@ def test_a_process_that_is_killed_while_nothing_is_asked_of_it_is_missed_at_once
         process._opened = False  # nobody is there to be told of the end
 
 
-def test_a_robot_that_was_not_connected_is_not_latched(tmp_path: Path) -> None:
-    with grbl() as played, EaselProcess() as process:
-        order = order_of(played, tmp_path)
-        easel = process.open(order)
-        kill(process)
-        with pytest.raises(RobotAbandoned) as lost:
-            easel.camera.connect()
-        assert not (lost.value.held or lost.value.latched or latches(order.state))
-        process._opened = False
-
-
-def test_a_process_that_ends_in_order_leaves_nothing_behind(tmp_path: Path) -> None:
+def test_a_robot_that_was_not_connected_is_not_latched_and_an_end_in_order_leaves_nothing_behind(
+    tmp_path: Path,
+) -> None:
     with grbl() as played:
         order = order_of(played, tmp_path)
         for _ in range(2):
@@ -240,7 +219,13 @@ def test_a_process_that_ends_in_order_leaves_nothing_behind(tmp_path: Path) -> N
                 easel.robot.connect()
                 easel.robot.close()
                 easel.robot.connect()  # the lock of its port is free again
-        assert not latches(order.state) and not played.heard()
+        with EaselProcess() as process:
+            easel = process.open(order)
+            kill(process)
+            with pytest.raises(RobotAbandoned) as lost:
+                easel.camera.connect()
+            process._opened = False
+        assert not (lost.value.held or lost.value.latched or latches(order.state) or played.heard())
 
 
 def test_a_process_that_is_frozen_in_a_motion_is_ended_and_its_machine_held(tmp_path: Path) -> None:

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
@@ -28,33 +29,28 @@ def workcell(tmp_path: Path) -> WorkcellConfig:
     return WorkcellConfig.load(tmp_path / "easel.toml")
 
 
-def test_each_machine_is_built_as_it_is_named(workcell: WorkcellConfig) -> None:
-    xarm = make_robot("xarm:192.168.1.10, brush_length=0.12", workcell.workspace)
-    assert isinstance(xarm, XarmRobot)
-    assert (xarm.address, xarm.brush_length) == ("192.168.1.10", 0.12)
-    assert xarm.resting == workcell.workspace.home
-    grbl = make_robot("gcode:/dev/ttyUSB0,homing=yes,servo=-0.002/100/0.01/900", workcell.workspace)
-    assert isinstance(grbl, GcodeRobot)
-    assert grbl.homing and grbl.gcode.flavour == "grbl"
-    assert grbl.gcode.servo is not None and grbl.gcode.servo.high == (0.01, 900)
-    marlin = make_robot("marlin:/dev/ttyACM0,baud=250000", workcell.workspace)
-    assert isinstance(marlin, GcodeRobot) and marlin.baud == 250_000
-    assert isinstance(make_robot("axidraw", workcell.workspace), AxidrawRobot)
-    ros = make_robot("rosbridge:10.0.0.2:9091,namespace=/left/brush", workcell.workspace)
-    assert isinstance(ros, RosRobot)
-    assert ros.namespace == "/left/brush"
-
-
-def test_each_camera_is_built_as_it_is_named(tmp_path: Path) -> None:
-    by_number, by_path, shots = (
-        make_camera("opencv:2"),
-        make_camera("opencv:/dev/video1"),
-        make_camera("folder:shots"),
-    )
-    assert isinstance(by_number, OpencvCamera) and by_number.name == "camera 2"
-    assert isinstance(by_path, OpencvCamera) and by_path.name == "camera '/dev/video1'"
-    assert isinstance(shots, FolderCamera) and "'shots'" in shots.name
-    assert isinstance(make_camera("gphoto"), GphotoCamera)
+@pytest.mark.parametrize(
+    ("name", "kind", "settings"),
+    [
+        ("xarm:192.168.1.10, brush_length=0.12", XarmRobot, {"address": "192.168.1.10", "brush_length": 0.12}),
+        ("gcode:/dev/ttyUSB0,homing=yes", GcodeRobot, {"homing": True, "gcode.flavour": "grbl"}),
+        ("gcode:/dev/x,servo=-0.002/100/0.01/900", GcodeRobot, {"gcode.servo.high": (0.01, 900)}),
+        ("marlin:/dev/ttyACM0,baud=250000", GcodeRobot, {"baud": 250_000, "gcode.flavour": "marlin"}),
+        ("axidraw", AxidrawRobot, {}),
+        ("rosbridge:10.0.0.2:9091,namespace=/left/brush", RosRobot, {"namespace": "/left/brush"}),
+        ("opencv:2", OpencvCamera, {"name": "camera 2"}),
+        ("opencv:/dev/video1", OpencvCamera, {"name": "camera '/dev/video1'"}),
+        ("folder:shots", FolderCamera, {"name": "the camera that fills 'shots'"}),
+        ("gphoto", GphotoCamera, {}),
+    ],
+)
+def test_each_machine_and_camera_is_built_as_it_is_named(
+    workcell: WorkcellConfig, name: str, kind: type, settings: dict[str, object]
+) -> None:
+    made = make_camera(name) if kind.__name__.endswith("Camera") else make_robot(name, workcell.workspace)
+    assert isinstance(made, kind)
+    for setting, value in settings.items():
+        assert attrgetter(setting)(made) == value  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -154,6 +150,7 @@ def test_a_real_easel_with_something_missing_is_told(tmp_path: Path, values: dic
 
 EASELS_OF_OTHERS = """
 from dataclasses import replace
+from operator import attrgetter
 from frida_painter.easel.kinds import EaselKind
 from frida_painter.easel.virtual_easel import VIRTUAL_KIND as VIRTUAL
 

@@ -71,7 +71,7 @@ def test_an_arm_reaches_the_places_that_its_preset_proposes(name, package):
         ("area.upper", [300, 0, 10], "metres"),
         ("motion.travel_speed", 150.0, "m/s"),
         ("lift.touch", math.nan, "lift.touch is nan"),
-        ("area.lower", [math.inf, 0.0, 0.0], "area.lower.0 is inf"),
+        ("area.lower", [math.inf, 0.0, 0.0], "area.lower[0] is inf"),
         ("lift.low", {"height": 0.012, "value": 9855}, "exchange them with their values"),
         ("lift.low", {"height": -0.002, "value": 27831}, "would not move"),
         ("lift.press", 0.002, "below lift.touch"),

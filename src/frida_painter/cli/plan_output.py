@@ -21,8 +21,7 @@ from frida_painter.errors import ConfigError, RobotError, WorkspaceViolation
 from frida_painter.export.gcode import gcode
 from frida_painter.export.vector import plan_widths, svg, table
 from frida_painter.exporter import ExporterKind, ExportOptions
-from frida_painter.hardware.gcode import Gcode
-from frida_painter.hardware.own_gcode import read_own
+from frida_painter.hardware.gcode import Gcode, read_own
 from frida_painter.hardware.robot import (
     Examination,
     LooseRobot,

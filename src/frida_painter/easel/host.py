@@ -30,8 +30,8 @@ from frida_painter import storage
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connection import Arrays, Wire, encode_error, find_request
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
-from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
-from frida_painter.easel.open import hold_machines, is_simulated, load_easel, machines, open_easel
+from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE, is_simulated
+from frida_painter.easel.open import hold_machines, load_easel, machines, open_easel
 from frida_painter.easel.order import FACTS, EaselFacts, EaselOrder
 from frida_painter.easel.watchdog import ENDED, MACHINE, SIMULATED, STOP, CpuActivity, StopFile, Watch
 from frida_painter.errors import FridaError, RobotDisconnected, RobotError, RobotStopped
@@ -155,7 +155,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         opened = open_easel(order)
         stack.callback(opened.close)
         easel = opened.easel
-        simulated, known_as = is_simulated(order), easel.calibration.easel
+        simulated, known_as = is_simulated(order.robot), easel.calibration.easel
         # The speed of a simulated robot depends on the computer, which may be busy or asleep. A person can always stop
         # it.
         patience: dict[str, float] = {"grace": math.inf, "connecting": math.inf} if simulated else {}

@@ -85,8 +85,7 @@ class EaselProcess:
         from pydantic import TypeAdapter
 
         from frida_painter.easel.connection import LastStop, Link, Wire, decode_error, make_remote
-        from frida_painter.easel.kinds import easel_kind
-        from frida_painter.easel.open import is_simulated
+        from frida_painter.easel.kinds import easel_kind, is_simulated
         from frida_painter.easel.order import FACTS, EaselFacts, EaselOrder
         from frida_painter.easel.watchdog import Pulse
         from frida_painter.hardware.easel import Easel
@@ -98,14 +97,14 @@ class EaselProcess:
             wire.send({"order": TypeAdapter(EaselOrder).dump_python(order, mode="json")})
             # A simulated easel may take any time, for example to replay its diary of many thousand strokes; the death
             # of its process ends the wait at once.
-            about, _ = wire.receive(math.inf if is_simulated(order) else _OPENING)
+            about, _ = wire.receive(math.inf if is_simulated(order.robot) else _OPENING)
         except RobotDisconnected as gone:
             raise RobotDisconnected(f"The easel's process did not start{self._complaint()}.") from gone
         if "error" in about:
             raise decode_error(about)
         self._opened = True
         facts = TypeAdapter(EaselFacts).validate_python(about["facts"])
-        if is_simulated(order):  # a slow computer is not a fault
+        if is_simulated(order.robot):  # a slow computer is not a fault
             link.patience = link.most_silence = math.inf
         kind, known_as = easel_kind(order.robot), facts.calibration.easel
         alive = kind is not None and (kind.simulated or kind.person)  # nothing of it moves by itself

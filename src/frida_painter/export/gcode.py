@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import torch
 
-from frida_painter.hardware.gcode import PREAMBLE, Gcode
-from frida_painter.hardware.own_gcode import MAX_LINE
+from frida_painter.hardware.gcode import MAX_LINE, PREAMBLE, Gcode
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import WHITE, Layer, Plan

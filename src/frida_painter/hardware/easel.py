@@ -22,15 +22,19 @@ class Operator(Protocol):
 
     def fill_wells(self, palette: Palette) -> None:
         """Returns when well i holds paint i of the palette."""
+        return
 
     def tone(self, ground: tuple[float, float, float]) -> None:
         """Returns when the bare canvas is toned in that sRGB colour and dry, or at once if nobody can be asked."""
+        return
 
     def change_brush(self, brush: str) -> None:
         """Returns when the clean brush of that name is in the robot's holder, or in the hand of a person who paints."""
+        return
 
     def let_dry(self, seconds: float) -> None:
         """Returns when the paint on the canvas has dried for `seconds` more, at the easel's pace."""
+        return
 
     def lay_paper(self) -> bool:
         """Returns True if a fresh, bare canvas is on the easel now; False if a person must be asked for one."""

@@ -1,18 +1,240 @@
-"""Waypoints as G-code, for machines that move a brush or pen in x and y and raise it by an axis or a servo."""
+"""Waypoints as G-code, for machines that move a brush or pen in x and y and raise it by an axis or a servo.
+
+A person may add lines of their own with named fields, which are checked before they are sent among the program's
+lines. They are read as GRBL and Marlin read them: motion must stay in the workspace, and the lines must leave absolute
+coordinates behind. Codes without motion, such as M codes, pass.
+"""
 
 import math
-from collections.abc import Iterator
+import re
+import string
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Self
+from pathlib import Path
+from typing import Annotated, NoReturn, Self
 
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from frida_painter import storage
 from frida_painter.errors import ConfigError, WorkspaceViolation
-from frida_painter.hardware.own_gcode import OwnGcode
-from frida_painter.hardware.robot import Waypoints
+from frida_painter.hardware.robot import Point, Waypoints, Workspace
 from frida_painter.hardware.timing import ServoTiming
 
 PREAMBLE = ("G21", "G90", "G94")
 """Millimetres, absolute coordinates, feed per minute."""
-_FINEST = 0.0005  # mm; half of the last digit that is written
+_FINEST = 5e-7  # metres; half of the last digit that is written
+MAX_LINE = 70
+"""Greatest number of characters in a line; the serial buffers of GRBL hold 127, those of Marlin 96."""
+MAX_OWN_LINES = 40
+"""Greatest number of lines at one event."""
+EVENTS: Mapping[str, tuple[str, ...]] = {
+    "start": (),
+    "end": (),
+    "lift": ("x", "y", "z", "feed"),
+    "lower": ("x", "y", "z", "feed"),
+    "dip": ("well",),
+    "change": ("brush",),
+}
+"""Events with the fields of their lines: millimetres, mm/min, the number of a well from 1, the name of a brush."""
+_LONGEST = {"x": "-1234.567", "y": "-1234.567", "z": "-1234.567", "feed": "60000", "well": "24", "brush": "b" * 20}
+_MAX_BYTES = 2**16
+_OBEYED = "!?~"
+"""Characters that GRBL takes out of the stream as commands."""
+_ADVICE = "give start, end, lift, lower, dip or change a list of lines, and down_below the height of the lift"
+
+Text = Annotated[str, Field(strict=True)]
+Lines = Annotated[tuple[Text, ...], Field(max_length=MAX_OWN_LINES)]
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    start: Lines = ()
+    end: Lines = ()
+    lift: Lines = ()
+    lower: Lines = ()
+    dip: Lines = ()
+    change: Lines = ()
+    down_below: Annotated[float, Field(strict=True, ge=-10, le=10, allow_inf_nan=False)] | None = None
+
+
+@dataclass(frozen=True)
+class OwnGcode:
+    """Lines of a person's own, by event.
+
+    lines_at: for each event of `EVENTS` the lines with fields in braces; an event without lines is left out
+    down_below: robot z in metres below which the brush is down, if `lift` and `lower` replace axis or servo
+
+    start and end come once. lift and lower raise and lower the brush instead of an axis or a servo. dip comes before a
+    dip, or instead of the pause for it. change comes before a change of the brush, or instead of the pause for it.
+    Raises ConfigError if a field is unknown, or if a line is too long or could be obeyed in another way.
+    """
+
+    lines_at: Mapping[str, tuple[str, ...]]
+    down_below: float | None = None
+
+    def __post_init__(self) -> None:
+        for event, lines in self.lines_at.items():
+            if event not in EVENTS:
+                raise ConfigError(
+                    f"G-code of one's own at {event[:40]!r} was given; the events are {', '.join(EVENTS)}."
+                )
+            for line in lines:
+                _require_sound(event, line)
+        lifts = [event for event in ("lift", "lower") if self.lines_at.get(event)]
+        if len(lifts) == 1 or (bool(lifts) != (self.down_below is not None)):
+            raise ConfigError(
+                "lift, lower and down_below belong together: lines that raise the brush, lines that lower it, and the "
+                "height in metres below which it is down; give all three or none."
+            )
+
+    @property
+    def lifts(self) -> bool:
+        """True if the lines raise and lower the brush."""
+        return self.down_below is not None
+
+    def at(self, event: str, **fields: float | str) -> Iterator[str]:
+        """Yields the lines of an event with its fields filled in: metres and m/s become mm and mm/min."""
+        told = {name: _filled_in(name, value) for name, value in fields.items()}
+        return (line.format(**told) for line in self.lines_at.get(event, ()))
+
+    def has(self, event: str) -> bool:
+        """Returns True if the event has lines."""
+        return bool(self.lines_at.get(event))
+
+    def _require_within(self, lower: Point, upper: Point) -> None:
+        """Raises ConfigError unless all motion that can be read stays between two corners (m) of the workspace."""
+        box = {axis: (1000 * low, 1000 * high) for axis, low, high in zip("XYZ", lower, upper, strict=True)}
+        for event, lines in self.lines_at.items():
+            for corner in (0, 1):  # a field may be anywhere in the workspace
+                place = {axis: box[axis][corner] for axis in box}
+                known = {"feed": "100", "well": "1", "brush": "b"}
+                known |= {axis.lower(): f"{millimetres:.3f}" for axis, millimetres in place.items()}
+                filled = [line.format(**{name: known[name] for name in EVENTS[event]}) for line in lines]
+                _require_inside(event, filled, box, place if event in ("lift", "lower") else {})
+
+
+def read_own(path: Path | None, workspace: Workspace) -> OwnGcode | None:
+    """Returns the lines of a TOML file, checked against the workspace; None without a file.
+
+    Raises ConfigError in one sentence if it is not as it must be.
+    """
+    if path is None:
+        return None
+    values = storage.read_toml(path, "G-code of one's own (TOML)", _MAX_BYTES, _ADVICE)
+    try:
+        read = _File.model_validate(values)
+        own = OwnGcode({event: getattr(read, event) for event in EVENTS if getattr(read, event)}, read.down_below)
+        own._require_within(workspace.lower, workspace.upper)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        where = ".".join(str(part) for part in fault["loc"])[:60]
+        raise ConfigError(f"{path}: {where} is not as it must be ({fault['msg'].lower()}); {_ADVICE}.") from error
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}") from error
+    return own
+
+
+def _require_sound(event: str, line: str) -> None:
+    """Raises ConfigError unless a line has known fields, printable ASCII, and a length that fits."""
+    shown = line if len(line) <= 40 else f"{line[:37]}..."
+    try:
+        parts = list(string.Formatter().parse(line))
+    except ValueError as error:
+        raise ConfigError(f"{event}: {shown!r} cannot be read ({error}); write a field as {{name}}.") from error
+    for _, name, form, conversion in parts:
+        if name is None:
+            continue
+        if name not in EVENTS[event]:
+            known = ", ".join(f"{{{field}}}" for field in EVENTS[event]) or "none"
+            raise ConfigError(
+                f"{event}: {shown!r} has the unknown field {{{name[:20]}}}; the fields there are {known}."
+            )
+        if form or conversion:
+            raise ConfigError(f"{event}: {shown!r} has a field with a format; write {{{name}}} alone.")
+    longest = line.format(**{name: _LONGEST[name] for name in EVENTS[event]})
+    if not line.strip() or not all(" " <= sign <= "~" for sign in line) or set(_OBEYED) & set(line):
+        raise ConfigError(
+            f"{event}: {shown!r} is empty or has a sign that a machine obeys at once; printable ASCII without ! ? ~ is "
+            "allowed."
+        )
+    if len(longest) > MAX_LINE:
+        raise ConfigError(
+            f"{event}: {shown!r} may become {len(longest)} characters long; at most {MAX_LINE} fit. Write two lines."
+        )
+
+
+def _filled_in(name: str, value: float | str) -> str:
+    if name == "feed":
+        return f"{60_000 * float(value):.0f}"
+    if name in ("x", "y", "z"):
+        return f"{1000 * float(value):.3f}"
+    if name == "brush":
+        return re.sub(r"[^A-Za-z0-9_-]", "_", str(value))[:20]
+    return str(value)
+
+
+# Motion in lines of a person's own, as far as it can be read.
+
+_WORD = re.compile(r"([A-Z])\s*([-+]?(?:\d+\.?\d*|\.\d+))")
+_COMMENT = re.compile(r"\([^)]*\)|;.*")
+_HARMLESS = {0.0, 1.0, 4.0, 17.0, 21.0, 40.0, 49.0, 54.0, 80.0, 90.0, 91.0, 94.0, 64.0, 61.0}
+_MEANINGS = {
+    2.0: "is an arc; write straight ways", 3.0: "is an arc; write straight ways", 10.0: "moves the zero",
+    18.0: "turns the plane of arcs", 19.0: "turns the plane of arcs", 20.0: "changes the unit; write millimetres",
+    28.0: "drives to the machine's own home", 30.0: "drives to the machine's own place", 53.0: "leaves the work zero",
+    92.0: "moves the zero", 93.0: "changes what F means", 95.0: "changes what F means",
+}  # fmt: skip
+
+
+def _require_inside(
+    event: str, lines: Sequence[str], box: Mapping[str, tuple[float, float]], known: Mapping[str, float]
+) -> None:
+    """Raises ConfigError at the first line of an event that leaves the box or cannot be trusted.
+
+    box: allowed millimetres of each axis
+    known: position in millimetres before the lines, by axis; empty if it is unknown
+    """
+    place, absolute = dict(known), True
+
+    def refuse(line: str, reason: str) -> NoReturn:
+        raise ConfigError(f"{event}: the line {line[:MAX_LINE]!r} {reason}. Nothing was sent.")
+
+    for line in lines:
+        code = _COMMENT.sub("", line).strip().upper()
+        if code == "$H" and event == "start":
+            place = {}
+            continue
+        if code.startswith("$"):
+            refuse(line, "is a command to the controller itself; only $H at start is allowed")
+        words = [(letter, float(number)) for letter, number in _WORD.findall(code)]
+        homes = ("G", 28.0) in words
+        left = set("".join(_WORD.sub("", code).split()))
+        if left and not (homes and left <= set("XYZ")):  # axes to be homed have no number
+            refuse(line, "cannot be read")
+        if any(letter == "M" for letter, _ in words):
+            continue  # M codes move no axis; their parameters may look like one
+        for letter, value in words:
+            if letter != "G":
+                continue
+            if value in (90.0, 91.0):
+                absolute = value == 90.0
+            elif value == 28.0 and event == "start":
+                place = {}
+            elif value not in _HARMLESS:
+                refuse(line, f"has G{value:g}, which {_MEANINGS.get(value, 'is not known here')}")
+        for axis, value in words:
+            if axis not in box:
+                continue
+            if not absolute and axis not in place:
+                refuse(line, "moves relatively from a place that cannot be known; write G90 and the place itself")
+            place[axis] = value if absolute else place[axis] + value
+            low, high = box[axis]
+            if not low - 1e-3 <= place[axis] <= high + 1e-3:
+                reach = f"the workspace reaches from {low:.1f} to {high:.1f} mm"
+                refuse(line, f"goes to {axis} {place[axis]:.1f} mm; {reach}")
+    if not absolute:
+        raise ConfigError(f"{event}: its lines end in relative coordinates; end them with G90.")
 
 
 @dataclass(frozen=True)
@@ -118,7 +340,7 @@ class Gcode:
         """True if the machine itself knows the height of the brush, by its axis Z."""
         return self.servo is None and not (self.own is not None and self.own.lifts)
 
-    def lines(self, waypoints: Waypoints, here: tuple[float, float, float] | None = None) -> Iterator[tuple[int, str]]:
+    def lines(self, waypoints: Waypoints, here: Point | None = None) -> Iterator[tuple[int, str]]:
         """Yields the lines of a motion, each with the index of its waypoint.
 
         here: position of the tip before the motion, metres; None if unknown
@@ -133,36 +355,20 @@ class Gcode:
                 field = {"dip": "well", "change": "brush"}[event]
                 yield from ((0, line) for line in self.own.at(event, **{field: about}))
             if self.own.lifts:
-                yield from self._lifted_by(self.own, waypoints)
+                yield from self._lifted_by_own(self.own, waypoints)
                 return
-        height = math.nan
-        before_this = None
+        if self.servo is not None:
+            yield from self._lifted_by_servo(self.servo, waypoints, here)
+            return
+        before: Point | None = None
         for index, (x, y, z) in enumerate(waypoints.position.tolist()):
-            feed = 60_000 * self._slow(waypoints.speed if index else self.approach, before_this, (x, y, z))
-            before_this = (x, y, z)
-            ground = f"X{_millimetres(x)} Y{_millimetres(y)}"
-            if self.servo is None:
-                yield index, f"G1 {ground} Z{_millimetres(z)} F{feed:.0f}"
-                continue
-            if index == 0:
-                now, top = (math.nan, self.servo.high[0]) if here is None else (here[2], max(here[2], z))
-                if not abs(top - now) < _FINEST / 1000:
-                    yield from ((index, line) for line in self._servo_on_the_spot(self.servo, now, top))
-                yield index, f"G1 {ground} F{feed:.0f}"
-                if top - z > _FINEST / 1000:
-                    yield from ((index, line) for line in self._servo_on_the_spot(self.servo, top, z))
-            else:
-                before = waypoints.position[index - 1]
-                travels = math.dist(before[:2], (x, y)) * 1000 > _FINEST
-                if not travels:
-                    yield from ((index, line) for line in self._servo_on_the_spot(self.servo, height, z))
-                else:
-                    yield from ((index, line) for line in self._servo_on_the_way(self.servo, height, z, ground, feed))
-            height = z
+            speed = self._slow(waypoints.speed, before, (x, y, z)) if index else self.approach
+            yield index, f"G1 {_ground(x, y)} Z{_millimetres(z)} {_feed(speed)}"
+            before = x, y, z
 
-    def _slow(self, speed: float, start: tuple[float, float, float] | None, end: tuple[float, float, float]) -> float:
+    def _slow(self, speed: float, start: Point | None, end: Point) -> float:
         """Returns the speed on a straight way at which the brush goes down or up no faster than it should."""
-        if start is None or self.servo is not None:
+        if start is None:
             return speed
         up, length = end[2] - start[2], math.dist(start, end)
         limit = self.lift if up > 0 else self.lower
@@ -177,7 +383,7 @@ class Gcode:
             event = "lower" if height < self.own.down_below else "lift"
             yield from self.own.at(event, x=here[0], y=here[1], z=height, feed=self.approach)
         elif self.servo is None:
-            yield f"G1 Z{_millimetres(height)} F{60_000 * self.approach:.0f}"
+            yield f"G1 Z{_millimetres(height)} {_feed(self.approach)}"
         else:
             yield from self._servo_on_the_spot(self.servo, math.nan, height)
 
@@ -191,7 +397,7 @@ class Gcode:
         elif self.own is not None and self.own.down_below is not None:
             yield from self.rise(self.own.down_below, here)
 
-    def _lifted_by(self, own: OwnGcode, waypoints: Waypoints) -> Iterator[tuple[int, str]]:
+    def _lifted_by_own(self, own: OwnGcode, waypoints: Waypoints) -> Iterator[tuple[int, str]]:
         """Yields the lines of a motion whose brush is raised and lowered by lines of a person's own."""
         assert own.down_below is not None
         is_down = True  # nobody knows: it is lifted first
@@ -203,12 +409,37 @@ class Gcode:
             if is_down and (not wanted or index == 0):
                 yield from ((index, line) for line in own.at("lift", **fields))
                 is_down = False
-            if last is None or math.dist(last, (x, y)) * 1000 > _FINEST:
-                yield index, f"G1 X{_millimetres(x)} Y{_millimetres(y)} F{60_000 * speed:.0f}"
+            if last is None or math.dist(last, (x, y)) > _FINEST:
+                yield index, f"G1 {_ground(x, y)} {_feed(speed)}"
             last = x, y
             if wanted and not is_down:
                 yield from ((index, line) for line in own.at("lower", **fields))
                 is_down = True
+
+    def _lifted_by_servo(self, servo: Servo, waypoints: Waypoints, here: Point | None) -> Iterator[tuple[int, str]]:
+        """Yields the lines of a motion whose brush a servo raises and lowers."""
+        before: Point | None = None
+        for index, (x, y, z) in enumerate(waypoints.position.tolist()):
+            lines: list[str] = []
+            if before is None:
+                now, top = (math.nan, servo.high[0]) if here is None else (here[2], max(here[2], z))
+                if not abs(top - now) < _FINEST:
+                    lines += self._servo_on_the_spot(servo, now, top)
+                lines.append(f"G1 {_ground(x, y)} {_feed(self.approach)}")
+                if top - z > _FINEST:
+                    lines += self._servo_on_the_spot(servo, top, z)
+            elif math.dist(before[:2], (x, y)) > _FINEST:
+                value = _servo_word(servo.value(z))
+                if self.flavour == "grbl":  # GRBL applies the S word as the motion begins (laser mode, $32=1).
+                    lines.append(f"G1 {_ground(x, y)} {value} {_feed(waypoints.speed)}")
+                else:
+                    changes = value != _servo_word(servo.value(before[2]))
+                    lines += ["M400", f"M280 P0 {value}"] if changes else []
+                    lines.append(f"G1 {_ground(x, y)} {_feed(waypoints.speed)}")
+            else:
+                lines += self._servo_on_the_spot(servo, before[2], z)
+            yield from ((index, line) for line in lines)
+            before = x, y, z
 
     def _servo_on_the_spot(self, servo: Servo, before: float, height: float) -> Iterator[str]:
         """Yields the lines that set the servo and wait for it; NaN as the old height means the full travel.
@@ -218,38 +449,26 @@ class Gcode:
         """
         timing = self.servo_timing()
         assert timing is not None
-        if math.isfinite(before):
-            steps = timing.steps(before, height)
-        else:
-            steps = [(height, timing.seconds(servo.low[0], servo.high[0]))]
-        for step, seconds in steps:
-            yield from self._set_servo(servo, step, seconds)
+        steps = [(height, timing.seconds(servo.low[0], servo.high[0]))]
+        for step, seconds in timing.steps(before, height) if math.isfinite(before) else steps:
+            value = _servo_word(servo.value(step))
+            if self.flavour == "grbl":
+                yield from (f"M3 {value}", f"G4 P{seconds:.3f}")
+            else:
+                yield from ("M400", f"M280 P0 {value}", f"G4 P{1000 * seconds:.0f}")
 
-    def _set_servo(self, servo: Servo, height: float, seconds: float) -> Iterator[str]:
-        value = _number(servo.value(height))
-        if self.flavour == "grbl":
-            yield f"M3 S{value}"
-            yield f"G4 P{seconds:.3f}"
-        else:
-            yield "M400"
-            yield f"M280 P0 S{value}"
-            yield f"G4 P{1000 * seconds:.0f}"
 
-    def _servo_on_the_way(self, servo: Servo, before: float, height: float, ground: str, feed: float) -> Iterator[str]:
-        """Yields the lines of a move across during which the servo changes the height."""
-        value = _number(servo.value(height))
-        if self.flavour == "grbl":  # GRBL applies the S word as the motion begins (laser mode, $32=1).
-            yield f"G1 {ground} S{value} F{feed:.0f}"
-        else:
-            if value != _number(servo.value(before)):
-                yield "M400"
-                yield f"M280 P0 S{value}"
-            yield f"G1 {ground} F{feed:.0f}"
+def _ground(x: float, y: float) -> str:
+    return f"X{_millimetres(x)} Y{_millimetres(y)}"
+
+
+def _feed(speed: float) -> str:
+    return f"F{60_000 * speed:.0f}"
+
+
+def _servo_word(value: float) -> str:
+    return f"S{value:.0f}"
 
 
 def _millimetres(metres: float) -> str:
     return f"{metres * 1000:.3f}"
-
-
-def _number(value: float) -> str:
-    return f"{value:.0f}"

@@ -16,7 +16,7 @@ from frida_painter.canvas_size import SMALLEST_CANVAS, CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.preset import Preset
-from frida_painter.hardware.robot import Point
+from frida_painter.hardware.robot import Point, Workspace
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.palette import MAX_COLORS
 
@@ -98,25 +98,21 @@ class Layout:
         return layout.with_proposed_paint()
 
     @property
+    def workspace(self) -> Workspace:
+        """Layout as a workspace whose bounds are the whole box, unchecked."""
+        return Workspace(
+            self.lower, self.upper, self.corner, math.radians(self.turn), self.paint.wells, self.paint.water,
+            self.paint.rag, self.paint.rag_width, self.hover, self.painting_speed, self.travel_speed, self.home,
+        )  # fmt: skip
+
+    @property
     def travel_height(self) -> float:
         """Robot z at which the tip travels: above everything that is known, and within the box."""
-        tops = [
-            self.touch + self.uneven[1],
-            self.corner[2],
-            self.paint.water[2],
-            self.paint.rag[2],
-            *(z for *_, z in self.paint.wells),
-        ]
-        return min(max(tops) + self.hover, self.upper[2])
+        return min(max(self.touch + self.uneven[1], self.workspace.top) + self.hover, self.upper[2])
 
     def corners(self) -> dict[str, Point]:
-        """Returns the corners of the canvas by name: bottom left, bottom right, top right and top left."""
-        cos, sin = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
-        width, height = self.canvas.width, self.canvas.height
-        x, y, z = self.corner
-        ends = (0.0, 0.0), (width, 0.0), (width, height), (0.0, height)
-        places: list[Point] = [(x + cos * u - sin * v, y + sin * u + cos * v, z) for u, v in ends]
-        return dict(zip(("bottom left", "bottom right", "top right", "top left"), places, strict=True))
+        """Returns the corners of the canvas by name: bottom-left, bottom-right, top-right and top-left."""
+        return self.workspace.corners(self.canvas)
 
     def with_canvas(self, left: Point, right: Point, top: Point | None, size: CanvasSize | None = None) -> Self:
         """Returns the layout with a marked canvas; its size is measured unless it is known.
@@ -216,44 +212,28 @@ class Layout:
             yield from (first + pitch * number for number in range(count))
 
     def values(self) -> dict[str, Any]:
-        """Returns the entries of the workspace file."""
-        heights = [
-            self.press + min(self.uneven[0], 0.0),
-            self.paint.water[2],
-            self.paint.rag[2],
-            *(z for *_, z in self.paint.wells),
-        ]
-        floor = max(self.lower[2], min(heights) - _BELOW)
-        tops = [self.touch + max(self.uneven[1], 0.0), self.corner[2], *heights[1:]]
-        home = self.home[0], self.home[1], max(self.home[2], min(max(tops) + self.hover, self.upper[2]))
-        rounded = _round
-        return {
+        """Returns the entries of the workspace file, lengths in hundredths of a millimetre."""
+        paint, (deepest, highest) = self.paint, self.uneven
+        lowest = min(self.press + min(deepest, 0.0), paint.water[2], paint.rag[2], *(z for *_, z in paint.wells))
+        floor = max(self.lower[2], lowest - _BELOW)
+        top = max(self.touch + max(highest, 0.0), self.workspace.top)
+        home = *self.home[:2], max(self.home[2], min(top + self.hover, self.upper[2]))
+        canvas = {"width": self.canvas.width, "height": self.canvas.height, "corner": self.corner, "turn": self.turn}
+        places = {"wells": paint.wells, "water": paint.water, "rag": paint.rag, "rag_width": paint.rag_width}
+        speeds = {"painting_speed": self.painting_speed, "travel_speed": self.travel_speed}
+        entries = {
             "easel": self.easel,
-            "bounds": {"lower": rounded((*self.lower[:2], floor)), "upper": rounded(self.upper)},
-            "canvas": {
-                "width": round(self.canvas.width, 5),
-                "height": round(self.canvas.height, 5),
-                "corner": rounded(self.corner),
-                "turn": round(self.turn, 4),
-            },
-            "brush": {"touch_height": round(self.touch, 5), "press_height": round(self.press, 5)},
-            "paint": {
-                "wells": [rounded(well) for well in self.paint.wells],
-                "water": rounded(self.paint.water),
-                "rag": rounded(self.paint.rag),
-                "rag_width": self.paint.rag_width,
-            },
-            "motion": {
-                "hover": self.hover,
-                "painting_speed": self.painting_speed,
-                "travel_speed": self.travel_speed,
-                "home": rounded(home),
-            },
+            "bounds": {"lower": (*self.lower[:2], floor), "upper": self.upper},
+            "canvas": canvas,
+            "brush": {"touch_height": self.touch, "press_height": self.press},
+            "paint": places,
+            "motion": {"hover": self.hover, **speeds, "home": home},
         }
+        return _rounded(entries)
 
     def draft(self) -> str:
         """Returns a workspace file for the setup of the machine; its bounds are the whole box."""
-        return self._toml({**self.values(), "bounds": {"lower": _round(self.lower), "upper": _round(self.upper)}})
+        return self._toml({**self.values(), "bounds": _rounded({"lower": self.lower, "upper": self.upper})})
 
     def workcell(self) -> WorkcellConfig:
         """Returns the layout as a workspace. Raises ConfigError, which names every contradiction."""
@@ -291,6 +271,10 @@ def _written(value: Any) -> str:
     return repr(float(value))
 
 
-def _round(place: Sequence[float]) -> list[float]:
-    """Returns a place in hundredths of a millimetre."""
-    return [round(float(metres), 5) + 0.0 for metres in place]
+def _rounded(value: Any) -> Any:
+    """Returns entries with lists in place of tuples, and numbers of five decimals."""
+    if isinstance(value, dict):
+        return {name: _rounded(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [*map(_rounded, value)]
+    return value if isinstance(value, str) else round(float(value), 5) + 0.0

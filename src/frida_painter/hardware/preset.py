@@ -15,12 +15,11 @@ from pydantic import Field, PrivateAttr, ValidationError
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.kinds import Needed, RobotKind
-from frida_painter.hardware.workcell import Bounds, Metre, Position, Section, Speed
+from frida_painter.hardware.workcell import DEEPEST, Bounds, Metre, Position, Section, Speeds, describe_faults
 
 _MAX_BYTES = 2**16
 _ADVICE = "`frida-painter setup --presets` lists the presets and says where yours are kept"
 _THINNEST = 0.05  # metres: a smaller area has no room for a canvas and a well
-_DEEPEST = 0.05  # metres from the lightest touch to the hardest press, as in a workspace
 
 UsbId = Annotated[str, Field(pattern="^[0-9a-f]{4}:[0-9a-f]{4}$")]
 Words = Annotated[str, Field(min_length=1, max_length=200)]
@@ -45,14 +44,6 @@ class LiftSection(Section):
     press: Metre = -0.002
     low: Level | None = None
     high: Level | None = None
-
-
-class Speeds(Section):
-    """Speeds in m/s, and the height in metres at which the tip travels above everything."""
-
-    hover: Annotated[float, Field(ge=0.005, le=0.5, allow_inf_nan=False)]
-    painting_speed: Speed
-    travel_speed: Speed
 
 
 class Probing(Section):
@@ -144,7 +135,7 @@ class Preset(Section):
         try:
             read = cls.model_validate(values)
         except ValidationError as error:
-            faults = [*map(_sentence, error.errors())]
+            faults = describe_faults(error, cls)
         else:
             faults = [*_contradictions(read)]
             if not faults:
@@ -153,109 +144,61 @@ class Preset(Section):
         raise ConfigError(f"{storage.abridge(name)} is no preset of a machine: {'; '.join(faults)}. Correct the file.")
 
 
-def _sentence(fault: Any) -> str:
-    """Returns one of pydantic's faults in plain words."""
-    where = ".".join(str(part) for part in fault["loc"])[:80]
-    match fault["type"]:
-        case "missing":
-            return f"{where} is missing"
-        case "extra_forbidden":
-            section = Preset.model_fields.get(str(fault["loc"][0])) if len(fault["loc"]) > 1 else None
-            known = ", ".join(_known(section.annotation if section else Preset))
-            return f"{where} is not known; there are {known}"
-        case _:
-            said = repr(fault["input"])
-            said = said if len(said) <= 40 else f"{said[:37]}..."
-            must = fault["msg"].replace("Input should be", "it must be", 1)
-            units = " (lengths are metres, speeds m/s)" if "than" in fault["type"] else ""
-            return f"{where} is {said}; {must}{units}"
-
-
-def _known(annotation: Any) -> list[str]:
-    """Returns the entries of a section, or of the section in an optional one."""
-    for model in (annotation, *getattr(annotation, "__args__", ())):
-        if isinstance(model, type) and issubclass(model, Section):
-            return list(model.model_fields)
-    return []
-
-
 def _contradictions(read: Preset) -> Iterator[str]:
     """Yields a sentence for each contradiction between entries that are each in range."""
-    yield from _strangers(read)
-    lift, area = read.lift, read.area
-    if not 0 < lift.touch - lift.press <= _DEEPEST:
-        yield (
-            f"lift.press ({lift.press:g} m) is {(lift.touch - lift.press) * 1000:g} mm below lift.touch "
-            f"({lift.touch:g} m); it is above 0 to {_DEEPEST * 1000:g} mm below"
-        )
-    if (lift.by == "servo") != (lift.low is not None and lift.high is not None):
-        yield "lift.low and lift.high, each with height and value, belong to lift.by = 'servo' and to no other"
-    if lift.low and lift.high and not lift.low.height < lift.high.height:
-        yield (
-            f"lift.low.height ({lift.low.height:g} m) is not below lift.high.height ({lift.high.height:g} m); "
-            "exchange them with their values"
-        )
-    if lift.low and lift.high and lift.low.value == lift.high.value:
-        yield f"lift.low and lift.high have the same value ({lift.low.value:g}), so the servo would not move"
-    if area is None:
-        return
-    for axis, low, high in zip("xyz", area.lower, area.upper, strict=True):
-        if not low < high:
-            yield f"area.lower is not below area.upper in {axis} ({low:g} and {high:g} m)"
-        elif axis != "z" and not high - low >= _THINNEST:
-            yield f"the area is {(high - low) * 1000:g} mm in {axis}; at least {_THINNEST * 1000:g} mm are needed"
-    if not area.lower[2] <= lift.press < lift.touch <= area.upper[2]:
-        yield (
-            f"lift.press and lift.touch ({lift.press:g} and {lift.touch:g} m) are not within the area in z "
-            f"({area.lower[2]:g} to {area.upper[2]:g} m)"
-        )
-    if lift.low and lift.high and not lift.low.height <= area.lower[2] < area.upper[2] <= lift.high.height:
-        yield (
-            f"the servo reaches from {lift.low.height:g} to {lift.high.height:g} m, and not all of the area in z "
-            f"({area.lower[2]:g} to {area.upper[2]:g} m)"
-        )
-    yield from _zero(read, area)
-    motion = read.motion
-    if motion and motion.painting_speed > motion.travel_speed:
-        yield (
-            f"motion.painting_speed ({motion.painting_speed:g} m/s) is above motion.travel_speed "
-            f"({motion.travel_speed:g} m/s)"
-        )
-    if motion and not lift.touch + motion.hover <= area.upper[2]:
-        yield (
-            f"motion.hover ({motion.hover:g} m) above lift.touch ({lift.touch:g} m) is above the area, which ends at "
-            f"{area.upper[2]:g} m"
-        )
-
-
-def _zero(read: Preset, area: Bounds) -> Iterator[str]:
-    """Yields a sentence if the corner of the zero is missing, unwanted or outside the area."""
-    if read.probe is None:
-        return
-    corner = read.probe.corner
-    if (read.probe.zero == "corner") != (corner is not None):
-        yield "probe.corner = [x, y, z], where the tip stands in its home corner, belongs to probe.zero = 'corner'"
-    elif corner and not all(map(_is_within, area.lower, corner, area.upper)):
-        yield f"probe.corner {[*corner]} is outside the area, {[*area.lower]} to {[*area.upper]} m"
-
-
-def _is_within(low: float, value: float, high: float) -> bool:
-    return low <= value <= high
-
-
-def _strangers(read: Preset) -> Iterator[str]:
-    """Yields a sentence for each section that does not fit the lift, and for each option that cannot be written."""
-    parts = {"area": read.area, "motion": read.motion, "probe": read.probe}
-    missing = [f"[{name}]" for name, part in parts.items() if part is None]
-    if read.lift.by == "hand":
-        if len(missing) < len(parts):
-            yield "[area], [motion] and [probe] are not for a person's hand; leave them out"
-    elif missing:
+    lift, area, motion, probe = read.lift, read.area, read.motion, read.probe
+    low, high = lift.low, lift.high
+    missing = [f"[{name}]" for name in ("area", "motion", "probe") if getattr(read, name) is None]
+    if lift.by == "hand" and len(missing) < 3:
+        yield "[area], [motion] and [probe] are not for a person's hand; leave them out"
+    elif lift.by != "hand" and missing:
         yield f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
     for option, value in read.options.items():
         text = str(value)
         if not option.isidentifier() or not text or set(text) & set(",=") or not text.isprintable():
             yield f"options.{option[:40]} is {text[:40]!r}; it has printable characters, and no comma or ="
+    if not 0 < lift.touch - lift.press <= DEEPEST:
+        yield (
+            f"lift.press ({lift.press:g} m) is {(lift.touch - lift.press) * 1000:g} mm below lift.touch "
+            f"({lift.touch:g} m); it is above 0 to {DEEPEST * 1000:g} mm below"
+        )
+    if (lift.by == "servo") != (low is not None and high is not None):
+        yield "lift.low and lift.high, each with height and value, belong to lift.by = 'servo' and to no other"
+    if low and high and not low.height < high.height:
+        yield (
+            f"lift.low.height ({low.height:g} m) is not below lift.high.height ({high.height:g} m); exchange them with "
+            "their values"
+        )
+    if low and high and low.value == high.value:
+        yield f"lift.low and lift.high have the same value ({low.value:g}), so the servo would not move"
+    if area is None:
+        return
+    floor, ceiling = area.lower[2], area.upper[2]
+    yield from area.upside_down("area")
+    for axis, start, end in zip("xy", area.lower, area.upper, strict=False):
+        if 0 < end - start < _THINNEST:
+            yield f"the area is {(end - start) * 1000:g} mm in {axis}; at least {_THINNEST * 1000:g} mm are needed"
+    if not floor <= lift.press < lift.touch <= ceiling:
+        yield (
+            f"lift.press and lift.touch ({lift.press:g} and {lift.touch:g} m) are not within the area in z ({floor:g} "
+            f"to {ceiling:g} m)"
+        )
+    if low and high and not low.height <= floor < ceiling <= high.height:
+        yield (
+            f"the servo reaches from {low.height:g} to {high.height:g} m, and not all of the area in z ({floor:g} to "
+            f"{ceiling:g} m)"
+        )
+    if probe and (probe.zero == "corner") != (probe.corner is not None):
+        yield "probe.corner = [x, y, z], where the tip stands in its home corner, belongs to probe.zero = 'corner'"
+    elif probe and probe.corner:
+        yield from area.beyond("probe.corner", probe.corner, of="area")
+    if motion:
+        yield from motion.faults()
+        if not lift.touch + motion.hover <= ceiling:
+            yield (
+                f"motion.hover ({motion.hover:g} m) above lift.touch ({lift.touch:g} m) is above the area, which ends "
+                f"at {ceiling:g} m"
+            )
 
 
 # The presets on this computer.

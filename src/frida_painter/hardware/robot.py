@@ -7,6 +7,7 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.timing import AxisTiming, TravelLimits
 
 # Layout around the robot, in metres of its frame: canvas, paint wells, water, rag and bounds.
@@ -78,6 +79,13 @@ class Workspace:
     def to_canvas(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Converts positions in the robot's frame [k, 3] to canvas metres [k, 2], as seen from above."""
         return (position[:, :2] - np.array(self.canvas_origin[:2])) @ self._turn.T
+
+    def corners(self, canvas: CanvasSize) -> dict[str, Point]:
+        """Returns the corners of a canvas by name: bottom-left, bottom-right, top-right and top-left."""
+        width, height = canvas.width, canvas.height
+        ends = np.array([(0.0, 0.0), (width, 0.0), (width, height), (0.0, height)])
+        found = self.to_robot(ends, np.full(4, self.canvas_origin[2])).tolist()
+        return dict(zip(("bottom-left", "bottom-right", "top-right", "top-left"), map(tuple, found), strict=True))
 
     @property
     def _turn(self) -> NDArray[np.float64]:

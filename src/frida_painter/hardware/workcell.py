@@ -1,4 +1,4 @@
-"""Workspace files: TOML that describes a person's layout. All faults of a file are reported at once."""
+"""Workspace files: TOML that describes a person's layout. All faults of its entries are reported at once."""
 
 import itertools
 import math
@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, get_args
 
 import cv2
 import numpy as np
@@ -23,15 +23,14 @@ from frida_painter.palette import MAX_COLORS
 
 # Sections of a workspace file, with their entries and the range of each.
 
-MAX_BRUSHES = 16
-"""Greatest number of brushes in a rack."""
-FARTHEST = 10.0
-"""Greatest coordinate in metres; a larger number means a wrong unit."""
+_MAX_BRUSHES = 16
+_FARTHEST = 10.0  # metres; a greater coordinate means a wrong unit
 
-Metre = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Metre = Annotated[float, Field(ge=-_FARTHEST, le=_FARTHEST, allow_inf_nan=False)]
 Position = Annotated[tuple[Metre, Metre, Metre], Field(strict=False)]
 Side = Annotated[float, Field(ge=SMALLEST_CANVAS, le=LARGEST_CANVAS, allow_inf_nan=False)]
 Speed = Annotated[float, Field(gt=0, le=FASTEST, allow_inf_nan=False)]
+Hover = Annotated[float, Field(ge=0.005, le=0.5, allow_inf_nan=False)]
 
 
 class Section(BaseModel):
@@ -45,6 +44,25 @@ class Bounds(Section):
 
     lower: Position
     upper: Position
+
+    def beyond(
+        self, name: str, place: Point, room: Sequence[float] = (0.0, 0.0, 0.0), of: str = "bounds"
+    ) -> Iterator[str]:
+        """Yields a sentence for each axis along which a place with `room` around it (m) leaves the box.
+
+        name, of: of the place and of the box, for the sentence
+        """
+        for axis, low, high, here, around in zip("xyz", self.lower, self.upper, place, room, strict=True):
+            if not low + around <= here <= high - around:
+                yield f"{name} is outside the {of} in {axis} ({here:g} m; they reach from {low:g} to {high:g} m)"
+
+    def upside_down(self, name: str) -> list[str]:
+        """Returns a sentence for each axis along which the upper corner is not above the lower one."""
+        return [
+            f"{name}.lower is not below {name}.upper in {axis} ({low:g} and {high:g} m)"
+            for axis, low, high in zip("xyz", self.lower, self.upper, strict=True)
+            if not low < high
+        ]
 
 
 class CanvasPlace(Section):
@@ -75,17 +93,30 @@ class PaintPlaces(Section):
 class RackPlaces(Section):
     """Forks for brushes, by the names of the brushes; omitted if a person changes the brush."""
 
-    places: Annotated[dict[str, Position], Field(min_length=1, max_length=MAX_BRUSHES)]
+    places: Annotated[dict[str, Position], Field(min_length=1, max_length=_MAX_BRUSHES)]
     slide: Annotated[tuple[Metre, Metre], Field(strict=False)]
-    lift: Annotated[float, Field(ge=0.005, le=0.5, allow_inf_nan=False)]
+    lift: Hover
 
 
-class Travel(Section):
-    """Hover height, speeds and home position."""
+class Speeds(Section):
+    """Speeds in m/s, and the height in metres at which the tip travels above everything."""
 
-    hover: Annotated[float, Field(ge=0.005, le=0.5, allow_inf_nan=False)]
+    hover: Hover
     painting_speed: Speed
     travel_speed: Speed
+
+    def faults(self) -> Iterator[str]:
+        """Yields a sentence if the tip paints faster than it travels."""
+        if self.painting_speed > self.travel_speed:
+            yield (
+                f"motion.painting_speed ({self.painting_speed:g} m/s) is above motion.travel_speed "
+                f"({self.travel_speed:g} m/s)"
+            )
+
+
+class Travel(Speeds):
+    """Hover height, speeds and home position."""
+
     home: Position | None = None
 
 
@@ -93,231 +124,45 @@ class ArmReach(Section):
     """Reach of the arm around its shoulder; omitted if it reaches every point within the bounds."""
 
     shoulder: Position
-    nearest: Annotated[float, Field(ge=0, le=FARTHEST, allow_inf_nan=False)]
-    farthest: Annotated[float, Field(gt=0, le=FARTHEST, allow_inf_nan=False)]
+    nearest: Annotated[float, Field(ge=0, le=_FARTHEST, allow_inf_nan=False)]
+    farthest: Annotated[float, Field(gt=0, le=_FARTHEST, allow_inf_nan=False)]
 
 
-# Contradictions between entries that are each in range.
-
-_DEEPEST = 0.05  # metres from the lightest touch to the hardest press: the most that a brush bends
-_BRUSH_ROOM = 0.02  # metres of distance from a brush in the rack, because a carried brush is wide too
-_UNEVEN = 0.03  # metres between the lightest touch and the stated height of the canvas
-
-
-def contradictions(
-    bounds: Bounds | None,
-    canvas: CanvasPlace | None,
-    brush: BrushHeights | None,
-    paint: PaintPlaces | None,
-    motion: Travel | None,
-    rack: RackPlaces | None = None,
-) -> list[str]:
-    """Returns a sentence for each contradiction between the sections; None stands for an unreadable section."""
-    found: list[str] = []
-    if bounds:
-        upside_down = [
-            f"bounds.lower is not below bounds.upper in {axis} ({low:g} and {high:g} m)"
-            for axis, low, high in zip("xyz", bounds.lower, bounds.upper, strict=True)
-            if not low < high
-        ]
-        found += upside_down or [*_outside(bounds, canvas, brush, paint, motion, rack)]
-    if brush:
-        found += _heights(brush, canvas)
-    if paint:
-        found += _too_near(paint, canvas)
-    if rack:
-        found += _in_the_rack(rack) or _in_the_way(rack, canvas, paint, motion)
-    if motion and motion.painting_speed > motion.travel_speed:
-        found.append(
-            f"motion.painting_speed ({motion.painting_speed:g} m/s) is above motion.travel_speed "
-            f"({motion.travel_speed:g} m/s)"
-        )
-    return found
+class _File(Section):
+    easel: Annotated[str, Field(min_length=1, max_length=60)]
+    bounds: Bounds
+    canvas: CanvasPlace
+    brush: BrushHeights
+    paint: PaintPlaces
+    motion: Travel
+    rack: RackPlaces | None = None
+    arm: ArmReach | None = None
 
 
-def _outside(
-    bounds: Bounds,
-    canvas: CanvasPlace | None,
-    brush: BrushHeights | None,
-    paint: PaintPlaces | None,
-    motion: Travel | None,
-    rack: RackPlaces | None,
-) -> Iterator[str]:
-    """Yields a sentence for each place outside the bounds."""
-    if canvas:
-        for name, place in _corners(canvas).items():
-            yield from _beyond(bounds, f"the canvas's {name} corner", place)
-    if paint:
-        for name, place in _places(paint).items():
-            room = paint.rag_width / 2 if name == "the rag" else STIR_RADIUS
-            yield from _beyond(bounds, f"{name}, with {room * 1000:g} mm around it,", place, (room, _room_across(name)))
-    if brush:
-        for name, height in (("touch_height", brush.touch_height), ("press_height", brush.press_height)):
-            if not bounds.lower[2] <= height <= bounds.upper[2]:
-                yield f"brush.{name} ({height:g} m) is outside the bounds in z ({_span(bounds, 2)})"
-    if rack:
-        for name, place in rack.places.items():
-            yield from _beyond(bounds, f"the {name} brush in the rack", place)
-            yield from _beyond(bounds, f"the {name} brush, drawn out of its fork,", _front(rack, name))
-    if motion:
-        tops = [place[2] for place in _places(paint).values()] if paint else []
-        tops += [canvas.corner[2]] if canvas else []
-        tops += [brush.touch_height] if brush else []
-        tops += [place[2] + rack.lift for place in rack.places.values()] if rack else []
-        travel = max(tops, default=bounds.lower[2]) + motion.hover
-        if not travel <= bounds.upper[2]:
-            yield (
-                f"motion.hover ({motion.hover:g} m) above the highest thing is at {travel:g} m, above the upper bound "
-                f"({bounds.upper[2]:g} m)"
-            )
-        if motion.home:
-            yield from _beyond(bounds, "motion.home", motion.home)
-            if tops and not motion.home[2] >= travel:
-                yield f"motion.home is at {motion.home[2]:g} m, below the height of travelling ({travel:g} m)"
+def describe_faults(error: ValidationError, model: type[Section]) -> list[str]:
+    """Returns pydantic's faults in plain words, each with the given value and its limits."""
+    return [_describe(fault, model) for fault in error.errors()]
 
 
-def _heights(brush: BrushHeights, canvas: CanvasPlace | None) -> Iterator[str]:
-    depth = brush.touch_height - brush.press_height
-    if not 0 < depth <= _DEEPEST:
-        yield (
-            f"brush.press_height ({brush.press_height:g} m) is {depth * 1000:g} mm below brush.touch_height "
-            f"({brush.touch_height:g} m); it is above 0 to {_DEEPEST * 1000:g} mm below"
-        )
-    if canvas and not abs(brush.touch_height - canvas.corner[2]) <= _UNEVEN:
-        yield (
-            f"brush.touch_height ({brush.touch_height:g} m) is more than {_UNEVEN * 1000:g} mm from the canvas "
-            f"(canvas.corner, {canvas.corner[2]:g} m)"
-        )
-
-
-def _too_near(paint: PaintPlaces, canvas: CanvasPlace | None) -> Iterator[str]:
-    """Yields a sentence for each pair of overlapping things: stirring in one would reach the other."""
-    places = _places(paint)
-    stirred = {name: place for name, place in places.items() if name != "the rag"}
-    for (one, here), (other, there) in itertools.combinations(stirred.items(), 2):
-        apart = math.dist(here[:2], there[:2])
-        if not apart >= 2 * STIR_RADIUS:
-            yield (
-                f"{one} and {other} overlap: they are {apart * 1000:.0f} mm apart, and the brush stirs "
-                f"{STIR_RADIUS * 1000:g} mm around"
-            )
-    x, y, _ = paint.rag
-    for name, place in stirred.items():
-        if abs(place[0] - x) < paint.rag_width / 2 + STIR_RADIUS and abs(place[1] - y) < 2 * STIR_RADIUS:
-            yield f"{name} and the rag overlap"
-    if canvas:
-        for name, place in places.items():
-            room = paint.rag_width / 2 if name == "the rag" else STIR_RADIUS
-            if _on_canvas(place, canvas, room):
-                yield f"{name} overlaps the canvas"
-
-
-def _in_the_rack(rack: RackPlaces) -> list[str]:
-    """Returns a sentence for each pair of brushes that overlap or collide as one leaves its fork."""
-    way = math.hypot(*rack.slide)
-    if not way >= _BRUSH_ROOM:
-        return [
-            f"rack.slide is {way * 1000:.0f} mm long; a brush is clear of its fork {_BRUSH_ROOM * 1000:g} mm from its "
-            "place or farther"
-        ]
-    found: list[str] = []
-    for one, other in itertools.permutations(rack.places, 2):
-        here, there = (np.array(rack.places[name][:2]) for name in (one, other))
-        apart = float(np.linalg.norm(there - here))
-        if not apart >= _BRUSH_ROOM:
-            if f"the {other} and" not in " ".join(found):
-                found.append(
-                    f"the {one} and the {other} brush stand in one place: they are {apart * 1000:.0f} mm apart, and a "
-                    f"brush needs {_BRUSH_ROOM * 1000:g} mm"
-                )
-            continue
-        along = np.array(rack.slide)
-        share = np.clip((there - here) @ along / way**2, 0, 1)
-        if not np.linalg.norm(there - here - share * along) >= _BRUSH_ROOM:
-            found.append(f"the {one} brush is drawn out of its fork against the {other} brush; turn rack.slide")
-    return found
-
-
-def _in_the_way(
-    rack: RackPlaces, canvas: CanvasPlace | None, paint: PaintPlaces | None, motion: Travel | None
-) -> Iterator[str]:
-    """Yields a sentence for each brush in the rack that stands in the way of carried brushes."""
-    things = [_front(rack, name) for name in rack.places]
-    things += _corners(canvas).values() if canvas else []
-    if paint:
-        x, y, z = paint.rag
-        half = paint.rag_width / 2
-        things += [*paint.wells, paint.water, (x - half, y, z), (x + half, y, z)]
-    things += [motion.home] if motion and motion.home else []
-    hull = cv2.convexHull(np.array([thing[:2] for thing in things], np.float32))
-    for name, place in rack.places.items():
-        inside = cv2.pointPolygonTest(hull, (float(place[0]), float(place[1])), True)
-        if not inside <= -_BRUSH_ROOM + 1e-6:
-            yield (
-                f"the {name} brush in the rack stands where other brushes are carried past, or less than "
-                f"{_BRUSH_ROOM * 1000:g} mm beside it; put the rack at the edge of the table, its forks open to the "
-                "things (rack.slide)"
-            )
-
-
-def _front(rack: RackPlaces, brush: str) -> Point:
-    return BrushRack(rack.places, rack.slide, rack.lift).front(brush)
-
-
-def _places(paint: PaintPlaces) -> dict[str, Point]:
-    wells = {f"well {number}": place for number, place in enumerate(paint.wells, 1)}
-    return {**wells, "the water": paint.water, "the rag": paint.rag}
-
-
-def _room_across(name: str) -> float:
-    """Returns the metres needed on each side along y; none for the rag, which is wiped along x."""
-    return 0.0 if name == "the rag" else STIR_RADIUS
-
-
-def _corners(canvas: CanvasPlace) -> dict[str, Point]:
-    cos, sin = math.cos(math.radians(canvas.turn)), math.sin(math.radians(canvas.turn))
-    x, y, z = canvas.corner
-    ends = {
-        "bottom-left": (0.0, 0.0),
-        "bottom-right": (canvas.width, 0.0),
-        "top-right": (canvas.width, canvas.height),
-        "top-left": (0.0, canvas.height),
-    }
-    return {name: (x + cos * u - sin * v, y + sin * u + cos * v, z) for name, (u, v) in ends.items()}
-
-
-def _on_canvas(place: Point, canvas: CanvasPlace, room: float) -> bool:
-    """Returns True if the circle of radius `room` around a place meets the canvas, seen from above."""
-    cos, sin = math.cos(math.radians(canvas.turn)), math.sin(math.radians(canvas.turn))
-    x, y = place[0] - canvas.corner[0], place[1] - canvas.corner[1]
-    over = np.array([cos * x + sin * y, -sin * x + cos * y])
-    nearest = np.clip(over, 0, (canvas.width, canvas.height))
-    return float(np.linalg.norm(over - nearest)) < room
-
-
-def _beyond(bounds: Bounds, name: str, place: Point, room: tuple[float, float] = (0.0, 0.0)) -> Iterator[str]:
-    for axis, around in enumerate((*room, 0.0)):
-        if not bounds.lower[axis] + around <= place[axis] <= bounds.upper[axis] - around:
-            yield f"{name} is outside the bounds in {'xyz'[axis]} ({place[axis]:g} m; {_span(bounds, axis)})"
-
-
-def _span(bounds: Bounds, axis: int) -> str:
-    return f"they reach from {bounds.lower[axis]:g} to {bounds.upper[axis]:g} m"
+def _describe(fault: Any, model: type[Section]) -> str:
+    where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])[1:80]
+    match fault["type"]:
+        case "missing":
+            return f"{where} is missing"
+        case "extra_forbidden":
+            section: Any = model.model_fields[str(fault["loc"][0])].annotation if len(fault["loc"]) > 1 else model
+            known = next(kind.model_fields for kind in (section, *get_args(section)) if hasattr(kind, "model_fields"))
+            return f"{where} is not known; there are {', '.join(known)}"
+        case kind:
+            said = repr(fault["input"])
+            said = said if len(said) <= 40 else f"{said[:37]}..."
+            must = fault["msg"].replace("Input should be", "it must be", 1).partition(" or instance of")[0]
+            units = " (lengths are metres, speeds m/s, angles degrees)" if "than" in kind else ""
+            return f"{where} is {said}; {must}{units}"
 
 
 _MAX_BYTES = 2**18
 _ADVICE = "`frida-painter workspace example` prints a whole one with comments"
-
-_SECTIONS: dict[str, type[Section]] = {
-    "bounds": Bounds,
-    "canvas": CanvasPlace,
-    "brush": BrushHeights,
-    "paint": PaintPlaces,
-    "rack": RackPlaces,
-    "motion": Travel,
-    "arm": ArmReach,
-}
-_OPTIONAL = ("rack", "arm")
 
 
 @dataclass(frozen=True)
@@ -374,52 +219,23 @@ class WorkcellConfig:
         name: for messages
         advice: end of the messages
         """
-        faults: list[str] = []
-        easel = values.get("easel")
-        if "easel" not in values:
-            faults.append("easel (its name) is missing")
-        elif not isinstance(easel, str) or not 1 <= len(easel.strip()) <= 60 or not easel.isprintable():
-            faults.append(f"easel is {_shortly(easel)}; it is a name in quotes of 1 to 60 characters")
-        known = ", ".join(("easel", *(f"[{section}]" for section in _SECTIONS)))
-        faults += [
-            f"{_shortly(entry)} is not known; there are {known}"
-            for entry in values
-            if entry != "easel" and entry not in _SECTIONS
-        ]
-        read: dict[str, Any] = {}
-        for section, model in _SECTIONS.items():
-            try:
-                read[section] = model.model_validate(values[section]) if section in values else None
-            except ValidationError as error:
-                read[section] = None
-                faults += [_sentence(section, model, fault) for fault in error.errors()]
-            if section not in values and section not in _OPTIONAL:
-                faults.append(f"[{section}] is missing, with {', '.join(_list_wanted(model))}")
-        faults += contradictions(
-            read["bounds"], read["canvas"], read["brush"], read["paint"], read["motion"], read["rack"]
-        )
-        arm = read["arm"]
-        if arm and not arm.nearest < arm.farthest:
-            faults.append(f"arm.nearest ({arm.nearest:g} m) is not below arm.farthest ({arm.farthest:g} m)")
-        if faults:
-            raise ConfigError(f"{name} is no workspace: {'; '.join(faults)}. ({advice[0].upper()}{advice[1:]}.)")
-        return cls._put_together(str(easel), **read)
+        try:
+            read = _File.model_validate(values)
+        except ValidationError as error:
+            faults = describe_faults(error, _File)
+        else:
+            made = cls._put_together(read)
+            faults = [*_contradictions(made, read)]
+            if not faults:
+                return made
+        raise ConfigError(f"{name} is no workspace: {'; '.join(faults)}. ({advice[0].upper()}{advice[1:]}.)")
 
     @classmethod
-    def _put_together(
-        cls,
-        easel: str,
-        bounds: Bounds,
-        canvas: CanvasPlace,
-        brush: BrushHeights,
-        paint: PaintPlaces,
-        rack: RackPlaces | None,
-        motion: Travel,
-        arm: ArmReach | None,
-    ) -> Self:
+    def _put_together(cls, read: _File) -> Self:
+        canvas, paint, motion, rack, arm = read.canvas, read.paint, read.motion, read.rack, read.arm
         workspace = Workspace(
-            lower=bounds.lower,
-            upper=bounds.upper,
+            lower=read.bounds.lower,
+            upper=read.bounds.upper,
             canvas_origin=canvas.corner,
             canvas_angle=math.radians(canvas.turn),
             wells=paint.wells,
@@ -434,7 +250,7 @@ class WorkcellConfig:
         )
         size = CanvasSize(canvas.width, canvas.height)
         reach = ArmLength(arm.shoulder, arm.nearest, arm.farthest) if arm else None
-        return cls(easel, workspace, size, brush.touch_height, brush.press_height, reach)
+        return cls(read.easel, workspace, size, read.brush.touch_height, read.brush.press_height, reach)
 
 
 def example() -> str:
@@ -442,56 +258,128 @@ def example() -> str:
     return (resources.files("frida_painter.hardware") / "examples" / "workspace.toml").read_text(encoding="utf-8")
 
 
-def _list_wanted(model: type[Section]) -> list[str]:
-    return [name for name, field in model.model_fields.items() if field.is_required()]
+# Contradictions between entries that are each in range.
+
+DEEPEST = 0.05
+"""Greatest way from the lightest touch to the hardest press, metres: the most that a brush bends."""
+_BRUSH_ROOM = 0.02  # metres of distance from a brush in the rack, because a carried brush is wide too
+_UNEVEN = 0.03  # metres between the lightest touch and the stated height of the canvas
 
 
-def _sentence(section: str, model: type[Section], fault: Any) -> str:
-    """Returns one of pydantic's faults in plain words."""
-    where = section + "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in fault["loc"])
-    match fault["type"]:
-        case "missing" if isinstance(fault["loc"][-1], int):
-            return f"{where} is missing; {_form(fault)}"
-        case "missing":
-            return f"{where} is missing"
-        case "extra_forbidden":
-            known = ", ".join(model.model_fields)
-            return f"{where[:60]} is not known; [{section}] has {known}"
-        case "too_long" if fault["ctx"]["max_length"] <= 3:
-            return f"{where} has more than {fault['ctx']['max_length']} numbers; {_form(fault)}"
-        case "too_long":
-            return f"{where} has more than {fault['ctx']['max_length']} places"
-        case "dict_type":
-            return f"{where} is {_shortly(fault['input'])}; it names brushes with their places, {{broad = [x, y, z]}}"
-        case "too_short":
-            return f"{where} is empty; name at least one place"
-        case "finite_number" | "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
-            return f"{where} is {_shortly(fault['input'])}; {_range(model, fault['loc'])}"
-        case "tuple_type":
-            return f"{where} is {_shortly(fault['input'])}; it is a list of numbers in [ ]"
-        case _ if not fault["loc"]:
-            return f"{section} is {_shortly(fault['input'])}; write it as a section, [{section}]"
-        case _:
-            return f"{where} is {_shortly(fault['input'])}; it is a number, {_range(model, fault['loc'])}"
+def _contradictions(made: WorkcellConfig, read: _File) -> Iterator[str]:
+    """Yields a sentence for each contradiction."""
+    place, touch, press = made.workspace, made.touch_height, made.press_height
+    if not made.easel.strip() or not made.easel.isprintable():
+        yield f"easel is {made.easel!r}; it is a name of printable characters"
+    upside_down = read.bounds.upside_down("bounds")
+    yield from upside_down or _outside(made, read.bounds)
+    if not 0 < touch - press <= DEEPEST:
+        yield (
+            f"brush.press_height ({press:g} m) is {1000 * (touch - press):g} mm below brush.touch_height ({touch:g} "
+            f"m); it is above 0 to {DEEPEST * 1000:g} mm below"
+        )
+    if not abs(touch - place.canvas_origin[2]) <= _UNEVEN:
+        yield (
+            f"brush.touch_height ({touch:g} m) is more than {_UNEVEN * 1000:g} mm from the canvas (canvas.corner, "
+            f"{place.canvas_origin[2]:g} m)"
+        )
+    yield from _too_near(place, made.canvas)
+    if place.rack is not None:
+        yield from _in_the_rack(place.rack) or _in_the_way(place, place.rack, made.canvas)
+    yield from read.motion.faults()
+    if made.reach is not None and not made.reach.nearest < made.reach.farthest:
+        yield f"arm.nearest ({made.reach.nearest:g} m) is not below arm.farthest ({made.reach.farthest:g} m)"
 
 
-def _form(fault: Any) -> str:
-    return "a way is [x, y]" if fault["loc"][0] == "slide" else "a place is [x, y, z]"
+def _outside(made: WorkcellConfig, bounds: Bounds) -> Iterator[str]:
+    """Yields a sentence for each place outside the bounds."""
+    place = made.workspace
+    for name, corner in place.corners(made.canvas).items():
+        yield from bounds.beyond(f"the canvas's {name} corner", corner)
+    for name, spot in _spots(place).items():
+        room, across = (place.rag_width / 2, 0.0) if name == "the rag" else (STIR_RADIUS, STIR_RADIUS)
+        yield from bounds.beyond(f"{name}, with {room * 1000:g} mm around it,", spot, (room, across, 0.0))
+    for name, height in (("touch_height", made.touch_height), ("press_height", made.press_height)):
+        yield from bounds.beyond(f"brush.{name}", (*bounds.lower[:2], height))
+    for name, fork in place.rack.places.items() if place.rack else ():
+        assert place.rack is not None
+        yield from bounds.beyond(f"the {name} brush in the rack", fork)
+        yield from bounds.beyond(f"the {name} brush, drawn out of its fork,", place.rack.front(name))
+    travel = max(place.top, made.touch_height) + place.hover
+    if not travel <= bounds.upper[2]:
+        yield (
+            f"motion.hover ({place.hover:g} m) above the highest thing is at {travel:g} m, above the upper bound "
+            f"({bounds.upper[2]:g} m)"
+        )
+    if place.home is not None:
+        yield from bounds.beyond("motion.home", place.home)
+        if not place.home[2] >= travel:
+            yield f"motion.home is at {place.home[2]:g} m, below the height of travelling ({travel:g} m)"
 
 
-def _range(model: type[Section], place: tuple[Any, ...]) -> str:
-    """Returns the range of a number in words."""
-    field = model.model_fields[place[0]]
-    if len(place) > 1:
-        return f"allowed is from {-FARTHEST:g} to {FARTHEST:g} metres"
-    bounds = {
-        name: getattr(part, name) for part in field.metadata for name in ("ge", "gt", "le") if hasattr(part, name)
-    }
-    least = f"above {bounds['gt']:g}" if "gt" in bounds else f"from {bounds['ge']:g}"
-    unit = {"turn": "degrees", "painting_speed": "m/s", "travel_speed": "m/s"}.get(place[0], "metres")
-    return f"allowed is {least} to {bounds['le']:g} {unit}"
+def _spots(place: Workspace) -> dict[str, Point]:
+    wells = {f"well {number}": well for number, well in enumerate(place.wells, 1)}
+    return {**wells, "the water": place.water, "the rag": place.rag}
 
 
-def _shortly(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
+def _too_near(place: Workspace, canvas: CanvasSize) -> Iterator[str]:
+    """Yields a sentence for each pair of overlapping things: stirring in one would reach the other."""
+    spots = _spots(place)
+    for (one, here), (other, there) in itertools.combinations(spots.items(), 2):
+        if other == "the rag":
+            across, along = abs(there[0] - here[0]), abs(there[1] - here[1])
+            if across < place.rag_width / 2 + STIR_RADIUS and along < 2 * STIR_RADIUS:
+                yield f"{one} and the rag overlap"
+        elif not (apart := math.dist(here[:2], there[:2])) >= 2 * STIR_RADIUS:
+            yield (
+                f"{one} and {other} overlap: they are {apart * 1000:.0f} mm apart, and the brush stirs "
+                f"{STIR_RADIUS * 1000:g} mm around"
+            )
+    over = place.to_canvas(np.array([*spots.values()]))
+    away = np.linalg.norm(over - np.clip(over, 0, (canvas.width, canvas.height)), axis=1)
+    for name, metres in zip(spots, away.tolist(), strict=True):
+        if metres < (place.rag_width / 2 if name == "the rag" else STIR_RADIUS):
+            yield f"{name} overlaps the canvas"
+
+
+def _in_the_rack(rack: BrushRack) -> list[str]:
+    """Returns a sentence for each pair of brushes that overlap or collide as one leaves its fork."""
+    slide = np.array(rack.slide)
+    way = float(np.linalg.norm(slide))
+    if not way >= _BRUSH_ROOM:
+        return [
+            f"rack.slide is {way * 1000:.0f} mm long; a brush is clear of its fork {_BRUSH_ROOM * 1000:g} mm from its "
+            "place or farther"
+        ]
+    found: list[str] = []
+    for (one, here), (other, there) in itertools.combinations(rack.places.items(), 2):
+        beside = np.subtract(there, here)[:2]
+        apart = float(np.linalg.norm(beside))
+        if not apart >= _BRUSH_ROOM:
+            found.append(
+                f"the {one} and the {other} brush stand in one place: they are {apart * 1000:.0f} mm apart, and a "
+                f"brush needs {_BRUSH_ROOM * 1000:g} mm"
+            )
+            continue
+        for drawn, against, ahead in ((one, other, beside), (other, one, -beside)):
+            share = np.clip(ahead @ slide / way**2, 0, 1)
+            if not np.linalg.norm(ahead - share * slide) >= _BRUSH_ROOM:
+                found.append(f"the {drawn} brush is drawn out of its fork against the {against} brush; turn rack.slide")
+    return found
+
+
+def _in_the_way(place: Workspace, rack: BrushRack, canvas: CanvasSize) -> Iterator[str]:
+    """Yields a sentence for each brush in the rack that stands in the way of carried brushes."""
+    x, y, z = place.rag
+    half = place.rag_width / 2
+    things = [*map(rack.front, rack.places), *place.corners(canvas).values(), *place.wells, place.water]
+    things += [(x - half, y, z), (x + half, y, z), *([place.home] if place.home else [])]
+    hull = cv2.convexHull(np.array([thing[:2] for thing in things], np.float32))
+    for name, fork in rack.places.items():
+        inside = cv2.pointPolygonTest(hull, (float(fork[0]), float(fork[1])), True)
+        if not inside <= -_BRUSH_ROOM + 1e-6:
+            yield (
+                f"the {name} brush in the rack stands where other brushes are carried past, or less than "
+                f"{_BRUSH_ROOM * 1000:g} mm beside it; put the rack at the edge of the table, its forks open to the "
+                "things (rack.slide)"
+            )

@@ -163,10 +163,10 @@ def mark_canvas(bench: Bench) -> SetupStep[None]:
     layout, size = bench.layout, bench.size
     corners = layout.corners()
     marked: list[Point] = []
-    for name in ("bottom left", "bottom right", *(() if size else ("top left",))):
+    for name in ("bottom-left", "bottom-right", *(() if size else ("top-left",))):
         x, y, z = corners[name]
         if marked:  # the canvas was moved as a whole
-            shift = np.subtract(marked[0], corners["bottom left"])
+            shift = np.subtract(marked[0], corners["bottom-left"])
             x, y = x + float(shift[0]), y + float(shift[1])
         told = f"Guide the tip to just above the {name} corner of the canvas, as you see it."
         found = yield from guide(bench, told, (x, y, z))
@@ -177,7 +177,7 @@ def mark_canvas(bench: Bench) -> SetupStep[None]:
 def find_touch(bench: Bench) -> SetupStep[None]:
     """Finds the heights of the lightest touch and the hardest press over the canvas's middle."""
     layout = bench.layout
-    (x, y, z), (u, v, _) = layout.corners()["bottom left"], layout.corners()["top right"]
+    (x, y, z), (u, v, _) = layout.corners()["bottom-left"], layout.corners()["top-right"]
     place = (x + u) / 2, (y + v) / 2, max(z + _NEAR, layout.press)
     bench.pass_over("go to the middle of the canvas", place)
     lowest, felt = layout.lower[2], False

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import MotionFailed
-from frida_painter.hardware.gcode import Gcode
-from frida_painter.hardware.own_gcode import OwnGcode
+from frida_painter.hardware.gcode import Gcode, OwnGcode
 from frida_painter.hardware.robot import Waypoints
 from frida_painter_drivers.gcode import GcodeRobot, GrblRobot
 from frida_painter_drivers.grbl import Grbl

@@ -152,12 +152,12 @@ def test_signals_say_what_they_say_to_the_painter(line, keep, content: bytes, st
 def test_where_the_painter_has_ended_a_motion_may_end_as_well_but_not_for_long(line, keep) -> None:
     """Fault B12: a very busy machine and a simulated robot, whose painter may be silent but has to exist."""
     still, moving = Watched(moving=False), Watched()
-    keep(still, patient(silence=0.2))
     other, its = socket.socketpair()
     with other, its:
         keep(moving, replace(SIMULATED, orphaned=0.2), at=its)
         time.sleep(0.5)
         assert moving.reasons == []
+        keep(still, patient(silence=0.2))
         line[0].close()
         other.close()
         assert "fell silent" in moving.wait()
