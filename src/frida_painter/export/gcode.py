@@ -12,7 +12,7 @@ import torch
 
 from frida_painter.hardware.gcode import MAX_LINE, PREAMBLE, Gcode
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.palette import Palette, to_hex
+from frida_painter.palette import to_hex
 from frida_painter.plan import WHITE, Layer, Plan
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import DRYING, Dipped, StrokePainted
@@ -52,7 +52,6 @@ def gcode(
     head = (
         *_comment(f"frida-painter: {len(plan)} strokes in {len(plan.palette)} paints on {plan.canvas}"),
         *_comment(f"plan {plan.digest[:16]}"),
-        *_canvas(plan),
         *_paints(plan),
         *PREAMBLE[: 3 if language.flavour == "grbl" else 2],
     )
@@ -62,9 +61,8 @@ def gcode(
         x, y, z = todo[0].motions[0].position[0].tolist()
         start = language.rise(z, (x, y))
     body = _body(plan, todo, language, pauses, drying, change)
-    last = _motions(ending, language)
-    before, after = _own(language, "start"), _own(language, "end")
-    return "\n".join((*head, *before, *start, *body, *last, *after, "; the end", ""))
+    first, last = _own(language, "start"), _own(language, "end")
+    return "\n".join((*head, *first, *start, *body, *_motions(ending, language), *last, "; the end", ""))
 
 
 def _own(language: Gcode, event: str, **fields: str) -> list[str]:
@@ -72,15 +70,11 @@ def _own(language: Gcode, event: str, **fields: str) -> list[str]:
     return [] if language.own is None else list(language.own.at(event, **fields))
 
 
-def _canvas(plan: Plan) -> Iterator[str]:
-    """Yields a comment about the ground, unless it is white."""
+def _paints(plan: Plan) -> Iterator[str]:
+    """Yields comments about a toned ground, and the paint of each well and the brush of each layer that differs."""
     if plan.ground != WHITE:
         ground = to_hex(torch.tensor(plan.ground))
         yield from _comment(f"ground {ground}: tone the whole canvas in it, and let it dry, before")
-
-
-def _paints(plan: Plan) -> Iterator[str]:
-    """Yields comments with the paint of each well and the brush, for each layer that differs from the one before."""
     before: Layer | None = None
     for number, layer in enumerate(plan.layers, start=1):
         if len(plan.brushes) > 1:
@@ -102,18 +96,20 @@ def _body(
     if change is not None and numbers:
         yield from _motions(change("", plan.layers[numbers[0]].brush), language)
     elif len(plan.brushes) > 1 and numbers:
-        yield from _change_by_person(plan.layers[numbers[0]], language)
+        first = plan.layers[numbers[0]].brush
+        yield from _own(language, "change", brush=first) or _wait([_take(first)], language)
     for action in actions:
         if isinstance(action.done, Dipped) and pauses:
-            yield from _dip(plan.wells(plan.layers[numbers[painted]]), action.done, language)
+            dip, wells = action.done, plan.wells(plan.layers[numbers[painted]])
+            clean = "clean the brush, then " if dip.cleaned else ""
+            asked = f"{clean}dip into paint {dip.paint + 1} {to_hex(wells.color[dip.paint])}"
+            yield from _own(language, "dip", well=str(dip.paint + 1)) or _wait([asked], language)
             continue
         yield from _motions(action.motions, language)
-        painted += isinstance(action.done, StrokePainted)
-        if (
-            0 < painted < len(plan)
-            and numbers[painted - 1] != numbers[painted]
-            and isinstance(action.done, StrokePainted)
-        ):
+        if not isinstance(action.done, StrokePainted):
+            continue
+        painted += 1
+        if painted < len(plan) and numbers[painted - 1] != numbers[painted]:
             before, after = (plan.layers[numbers[index]].brush for index in (painted - 1, painted))
             changed = change is not None and before != after
             if change is not None and changed:
@@ -134,7 +130,7 @@ def _between(plan: Plan, done: int, drying: float, changed: bool) -> list[str]:
     before, after = plan.layers[int(numbers[done - 1])], plan.layers[int(numbers[done])]
     todo = [] if changed else ["clean the brush"]
     if after.brush != before.brush and not changed:
-        todo.append(_take(after))
+        todo.append(_take(after.brush))
     if after.paints != before.paints:
         todo.append(f"fill the wells with the paints of layer {int(numbers[done]) + 1}")
     if drying:
@@ -143,30 +139,15 @@ def _between(plan: Plan, done: int, drying: float, changed: bool) -> list[str]:
     return todo
 
 
-def _change_by_person(layer: Layer, language: Gcode) -> Iterator[str]:
-    """Yields the pause for a person's change of the brush, or the lines that stand for it."""
-    yield from _own(language, "change", brush=layer.brush) or _wait([_take(layer)], language)
-
-
-def _take(layer: Layer) -> str:
-    name = _printable(layer.brush)
+def _take(brush: str) -> str:
+    name = _printable(brush)
     return f"take the {name if len(name) <= _SHOWN else f'{name[: _SHOWN - 3]}...'} brush"
 
 
 def _motions(motions: Iterable[Waypoints], language: Gcode) -> Iterator[str]:
-    return (line for motion in motions for line in _motion(motion, language))
-
-
-def _motion(motion: Waypoints, language: Gcode) -> Iterator[str]:
-    yield from _comment(motion.label)
-    yield from (line for _, line in language.lines(motion))
-
-
-def _dip(wells: Palette, dip: Dipped, language: Gcode) -> Iterator[str]:
-    if own := _own(language, "dip", well=str(dip.paint + 1)):
-        return iter(own)
-    clean = "clean the brush, then " if dip.cleaned else ""
-    return _wait([f"{clean}dip into paint {dip.paint + 1} {to_hex(wells.color[dip.paint])}"], language)
+    for motion in motions:
+        yield from _comment(motion.label)
+        yield from (line for _, line in language.lines(motion))
 
 
 def _wait(todo: Iterable[str], language: Gcode) -> Iterator[str]:

@@ -4,7 +4,6 @@ import csv
 import io
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from xml.sax.saxutils import escape, quoteattr
 
 import torch
@@ -70,36 +69,19 @@ def mark_widths(strokes: Strokes, model: StrokeModel) -> Tensor:
     """
     across, along = model.frame.pitch
     area = [
-        model(part.thickness, part.length, part.shape).sum((1, 2)) * across * along * _growth(model, part)
+        model(part.thickness, part.length, part.shape).sum((1, 2)) * across * along
         for part in (strokes[start : start + _AT_A_TIME] for start in range(0, len(strokes), _AT_A_TIME))
     ]
     covered = torch.cat(area) if area else strokes.length
+    if (growth := growth_of(model, strokes.length)) is not None:  # of a cell of each stroke's map, to the model's frame
+        covered = covered * growth.square()
     path = strokes.path(torch.linspace(0, 1, 33, dtype=strokes.length.dtype, device=strokes.length.device))
     length = (path[:, 1:] - path[:, :-1]).norm(dim=-1).sum(-1)
     width = (torch.sqrt(length.square() + math.pi * covered) - length) * 2 / math.pi
     return width.clamp(min=_THINNEST)
 
 
-def _growth(model: StrokeModel, strokes: Strokes) -> Tensor | float:
-    """Returns how much the area of a cell of each stroke's map is larger than that of the model's frame."""
-    growth = growth_of(model, strokes.length)
-    return 1.0 if growth is None else growth.square()
-
-
 _DECIMALS = 3
-
-
-@dataclass(frozen=True)
-class _Layer:
-    """Consecutive strokes of one well in one layer of the plan, by index.
-
-    pause: True if the brush is dipped before them
-    """
-
-    layer: int
-    paint: int
-    pause: bool
-    strokes: list[int] = field(default_factory=list)
 
 
 def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[int] = ()) -> str:
@@ -120,11 +102,17 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
         raise PlanError("Dips are marked in painting order only; leave out either the dips or the regrouping.")
     if width.shape != (len(plan),) or not bool(((width > 0) & (width < 1)).all()):
         raise PlanError(f"An SVG of {len(plan)} strokes needs a width above 0 and below 1 m for each; measure anew.")
+    places = list(zip(plan.layer.tolist(), plan.well.tolist(), strict=True))
+    groups: list[list[int]] = []  # indices of consecutive strokes of one well in one layer of the plan
+    for index in range(len(plan)) if keep_order else sorted(range(len(plan)), key=places.__getitem__):
+        if not groups or places[groups[-1][0]] != places[index] or index in dips:
+            groups.append([])
+        groups[-1].append(index)
     across, down = (_millimetres(side) for side in (plan.canvas.width, plan.canvas.height))
     paths = _paths(plan, width)
     layers = [
-        _draw(number, plan, layer, [paths[index] for index in layer.strokes])
-        for number, layer in enumerate(_layers(plan, keep_order, dips), start=1)
+        _draw(number, plan, places[group[0]], group[0] in dips, [paths[index] for index in group])
+        for number, group in enumerate(groups, start=1)
     ]
     ground = to_hex(torch.tensor(plan.ground))
     return "\n".join(
@@ -141,48 +129,35 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
     )
 
 
-def _layers(plan: Plan, keep_order: bool, dips: Collection[int]) -> list[_Layer]:
-    layers: list[_Layer] = []
-    places = list(zip(plan.layer.tolist(), plan.well.tolist(), strict=True))
-    order = range(len(plan)) if keep_order else sorted(range(len(plan)), key=places.__getitem__)
-    for index in order:
-        if not layers or (layers[-1].layer, layers[-1].paint) != places[index] or index in dips:
-            layers.append(_Layer(*places[index], index in dips))
-        layers[-1].strokes.append(index)
-    return layers
-
-
-def _draw(number: int, plan: Plan, layer: _Layer, paths: list[str]) -> str:
-    of_plan = plan.layers[layer.layer]
-    color = to_hex(plan.wells(of_plan).color[layer.paint])
+def _draw(number: int, plan: Plan, place: tuple[int, int], pause: bool, paths: list[str]) -> str:
+    """Returns an SVG layer of strokes of one layer and well of the plan (`place`); with a pause if they need a dip."""
+    layer, well = place
+    brush, color = plan.layers[layer].brush, to_hex(plan.wells(plan.layers[layer]).color[well])
     count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
-    of = f" layer {layer.layer + 1}" if len(plan.layers) > 1 else ""
-    of += f" {of_plan.brush} brush" if len(plan.brushes) > 1 else ""
+    of = f" layer {layer + 1}" if len(plan.layers) > 1 else ""
+    of += f" {brush} brush" if len(plan.brushes) > 1 else ""
     # Plotter software reads the number at the start of a label as the layer's number, and "!" as a pause.
-    label = quoteattr(f"{'!' if layer.pause else ''}{number} paint {layer.paint + 1} {color} {count}{of}")
+    label = quoteattr(f"{'!' if pause else ''}{number} paint {well + 1} {color} {count}{of}")
     return (
         f'  <g inkscape:groupmode="layer" id="layer{number}" inkscape:label={label} fill="none" stroke="{color}"'
-        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{layer.paint + 1}"'
-        f' data-layer="{layer.layer + 1}" data-brush={quoteattr(of_plan.brush)}>\n' + "\n".join(paths) + "\n  </g>"
+        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{well + 1}"'
+        f' data-layer="{layer + 1}" data-brush={quoteattr(brush)}>\n' + "\n".join(paths) + "\n  </g>"
     )
 
 
 def _paths(plan: Plan, width: Tensor) -> list[str]:
-    families = _families(plan)
-    return [
-        f'    <path d="{_curves(plan.canvas.on_page(path.double().cpu()) * 1000)}"'
-        f' stroke-width="{_millimetres(metres)}" data-stroke="{index}" data-thickness="{thickness:.4f}"{family}/>'
-        for index, (path, metres, thickness, family) in enumerate(
-            zip(
-                bezier_paths(plan.strokes),
-                width.tolist(),
-                plan.strokes.thickness.tolist(),
-                (f" data-family={quoteattr(name)}" if name else "" for name in families),
-                strict=True,
-            ),
-            start=1,
+    found = []
+    values = (bezier_paths(plan.strokes), width.tolist(), plan.strokes.thickness.tolist(), _families(plan))
+    for index, (path, metres, thickness, family) in enumerate(zip(*values, strict=True), start=1):
+        curves = (plan.canvas.on_page(path.double().cpu()) * 1000).tolist()
+        pairs = [[f"{x:.{_DECIMALS}f},{y:.{_DECIMALS}f}" for x, y in curve] for curve in curves]
+        data = " ".join((f"M{pairs[0][0]}", *(f"C{' '.join(curve[1:])}" for curve in pairs)))
+        named = f" data-family={quoteattr(family)}" if family else ""
+        found.append(
+            f'    <path d="{data}" stroke-width="{_millimetres(metres)}"'
+            f' data-stroke="{index}" data-thickness="{thickness:.4f}"{named}/>'
         )
-    ]
+    return found
 
 
 def _families(plan: Plan) -> list[str]:
@@ -190,16 +165,6 @@ def _families(plan: Plan) -> list[str]:
     limits = [layer.limits for layer in plan.layers]
     names = ["" if one.family is None else one.family.name for one in limits]
     return [names[layer] for layer in plan.layer.tolist()]
-
-
-def _curves(path: Tensor) -> str:
-    """Returns Bezier curves [curves, 4, 2] in millimetres as the data of an SVG path."""
-    curves = path.tolist()
-    return f"M{_pair(curves[0][0])} " + " ".join(f"C{' '.join(map(_pair, curve[1:]))}" for curve in curves)
-
-
-def _pair(point: list[float]) -> str:
-    return f"{point[0]:.{_DECIMALS}f},{point[1]:.{_DECIMALS}f}"
 
 
 def _millimetres(metres: float) -> str:
@@ -219,21 +184,6 @@ FAMILY_COLUMNS = ("family", *(f"code{number}" for number in range(1, MAX_CODES +
 """Further columns of a plan with strokes of families; such strokes have no single Bezier curve."""
 
 
-def _codes(plan: Plan) -> list[list[str]]:
-    """Returns the codes of each stroke as text."""
-    taught = plan.strokes.taught
-    if taught is None:
-        return [[""] * MAX_CODES] * len(plan)
-    return [
-        [f"{value:.4f}" if number >= 0 and place < taught.families[number].codes else "" for place, value in _pad(code)]
-        for number, code in zip(taught.number.tolist(), taught.code.tolist(), strict=True)
-    ]
-
-
-def _pad(code: list[float]) -> list[tuple[int, float]]:
-    return list(enumerate((*code, *[0.0] * (MAX_CODES - len(code)))))
-
-
 def table(plan: Plan) -> str:
     """Returns the strokes as CSV with a header row.
 
@@ -246,7 +196,12 @@ def table(plan: Plan) -> str:
     rows.writerow((*COLUMNS, *(FAMILY_COLUMNS if plan.families else ())))
     points = (control_points(strokes).double() * 1000).flatten(1).tolist()  # n rows of x, y of four points
     paths = bezier_paths(strokes)
-    families, codes = _families(plan), _codes(plan)
+    families, taught = _families(plan), strokes.taught
+    codes = [[""] * MAX_CODES for _ in range(len(plan))]
+    if taught is not None:
+        for row, number, code in zip(codes, taught.number.tolist(), taught.code.tolist(), strict=True):
+            count = taught.families[number].codes if number >= 0 else 0
+            row[:count] = [f"{value:.4f}" for value in code[:count]]
     colors = [to_hex(color) for color in plan.palette.color[plan.paint]]
     brushes = [layer.brush for layer in plan.layers]
     groups = zip(
@@ -267,6 +222,6 @@ def table(plan: Plan) -> str:
             path = []
         shape = (*ends[:2], *ends[-2:], angle, length, bend)
         numbers = (*(f"{value:.3f}" for value in shape), f"{thickness:.4f}", *(f"{value:.3f}" for value in path))
-        taught = (*([""] * (8 - len(path))), family, *codes[number - 1]) if plan.families else ()
-        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers, *taught))
+        of_family = (*([""] * (8 - len(path))), family, *codes[number - 1]) if plan.families else ()
+        rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers, *of_family))
     return content.getvalue()
