@@ -82,7 +82,7 @@ def test_a_reader_that_locks_a_feed_slows_no_painting_down(tmp_path: Path, monke
 
 def test_planning_waits_for_compiled_loops_once_and_says_for_what(tmp_path: Path) -> None:
     said: list[str] = []
-    path = compiled._lock(tmp_path)
+    path = tmp_path / "compiling.lock"
     with held(path):
         compiled.await_loops(said.append, tmp_path, patience=0.03)
         assert len(said) == 2 and str(path) in said[1]

@@ -25,7 +25,8 @@ def main() -> NoReturn:
         heard.append(number)
         raise KeyboardInterrupt
 
-    signals = [number for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if _ends(number)]
+    every = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    signals = [number for number in every if signal.getsignal(number) is not signal.SIG_IGN]  # as nohup ignores SIGHUP
     for number in signals:
         signal.signal(number, end)
     try:
@@ -42,18 +43,10 @@ def main() -> NoReturn:
             raise
     for number in signals:  # the program ends already; further signals change nothing
         signal.signal(number, signal.SIG_IGN)
-    _say_farewell(heard[0] if heard else signal.SIGINT, terminal)
-
-
-def _ends(number: int) -> bool:
-    """Returns True if the signal is not ignored; nohup ignores SIGHUP."""
-    return signal.getsignal(number) is not signal.SIG_IGN
-
-
-def _say_farewell(number: int, terminal: tuple[int, ...]) -> NoReturn:
-    from frida_painter.cli.stop_signal import leave_terminal
-
+    number = heard[0] if heard else signal.SIGINT
     if number == signal.SIGHUP:
+        from frida_painter.cli.stop_signal import leave_terminal
+
         leave_terminal(terminal)
     with suppress(OSError):
         print(f"\nfrida-painter: it was ended ({signal.Signals(number).name}); nothing more is done.", file=sys.stderr)

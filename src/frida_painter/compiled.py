@@ -15,11 +15,10 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 import platformdirs
@@ -39,6 +38,7 @@ LOOPS = (
 )
 _HERE = Path(__file__).parent
 _SENTENCE = "Compiling the painter's loops, the first time only: up to ten seconds more."
+_LOCK = "compiling.lock"
 _PATIENCE = 60.0  # seconds, for a busy or small computer
 
 
@@ -72,25 +72,21 @@ class LoopCompiler:
         with suppress(OSError):
             self._folder.mkdir(parents=True, exist_ok=True)
             self._folder.chmod(0o700)  # refused if the folder is another user's
-            lock = locks.open_lock(_lock(self._folder))
+            lock = locks.open_lock(self._folder / _LOCK)
             try:
-                if locks.take(lock):
-                    self._processes = [self._start(half, lock) for half in missing]
+                if locks.take(lock):  # each process inherits the lock and holds it until it ends
+                    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+                    for half in missing:
+                        program = ("-m", "frida_painter.compiled", self._folder, *half)
+                        self._processes.append(python_process.start(*program, pass_fds=(lock,), **quiet))
             finally:
                 os.close(lock)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *failure: object) -> None:
         for process in self._processes:
             process.kill()
             process.wait()
-
-    def _start(self, modules: Iterable[str], lock: int) -> "subprocess.Popen[bytes]":
-        """Starts a process that inherits the lock and holds it until it ends."""
-        program = "-m", "frida_painter.compiled", self._folder, *modules
-        return python_process.start(*program, pass_fds=(lock,), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
 def await_loops(
@@ -103,7 +99,7 @@ def await_loops(
     tell: receives a message if there is a wait, and if it was in vain
     """
     folder = folder or _folder()
-    path = _lock(folder)
+    path = folder / _LOCK
     if not path.exists() or not _missing(folder):
         return
     with suppress(OSError):
@@ -149,10 +145,6 @@ def _is_done(folder: Path, modules: Sequence[str]) -> bool:
 
 def _folder() -> Path:
     return platformdirs.user_cache_path("frida-painter", appauthor=False) / "loops"
-
-
-def _lock(folder: Path) -> Path:
-    return folder / "compiling.lock"
 
 
 def _note(folder: Path, modules: Sequence[str]) -> Path:

@@ -1,7 +1,7 @@
 """Export of a plan to a file for other programs, by exporters of this and other packages."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from frida_painter import registry, storage
@@ -25,13 +25,12 @@ class ExportOptions:
     calibration: Path | None = None
     drying: float | None = None
     own: Path | None = None
-    source: Path | None = field(default=None, metadata={"is_given": False})
+    source: Path | None = None
 
     @property
     def given(self) -> list[str]:
         """Names of the options that are given."""
-        of_person = [each.name for each in fields(self) if each.metadata.get("is_given", True)]
-        return [name for name in of_person if getattr(self, name) not in (None, False)]
+        return [name for name, value in vars(self).items() if name != "source" and value not in (None, False)]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 import hashlib
 import platform
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution, version
 from importlib.util import find_spec
@@ -61,19 +62,14 @@ def describe_plugins() -> dict[str, str]:
 
 def _describe(package: str, modules: Sequence[str]) -> str:
     """Returns version and hash of a package's code, from the modules that it registers; imports nothing."""
-    try:
+    told, content = "of unknown version", hashlib.sha256()
+    with suppress(PackageNotFoundError):
         told = distribution(package).version
-    except PackageNotFoundError:
-        told = "of unknown version"
-    content = hashlib.sha256()
     for name in modules:
-        try:
+        with suppress(ImportError, ValueError, AttributeError):
             spec = find_spec(name)
-        except (ImportError, ValueError, AttributeError):
-            spec = None
-        places = [] if spec is None else list(spec.submodule_search_locations or [spec.origin or ""])
-        for place in places:
-            content.update(hash_code(Path(place)).encode())
+            for place in [] if spec is None else list(spec.submodule_search_locations or [spec.origin or ""]):
+                content.update(hash_code(Path(place)).encode())
     return f"{told} code {content.hexdigest()[:_DIGITS]}"
 
 
@@ -82,37 +78,24 @@ def hash_code(path: Path) -> str:
 
     Files that cannot be read count as empty.
     """
+    files = [path]
+    if not path.is_file():
+        found = (file for file in path.rglob("*") if file.suffix in _CODE and "__pycache__" not in file.parts)
+        files = sorted(file for number, file in enumerate(found) if number < _MAX_FILES and file.is_file())
     content = hashlib.sha256()
-    for file in _sources(path):
+    for file in files:
         name = file.name if file == path else file.relative_to(path).as_posix()
         content.update(f"{name}\0".encode())
-        content.update(_digest(file, *_stamp(file)))
+        with suppress(OSError):
+            found_here = file.stat()
+            content.update(_digest(file, found_here.st_size, found_here.st_mtime_ns))
     return content.hexdigest()[:_DIGITS]
-
-
-def _sources(path: Path) -> Iterator[Path]:
-    if path.is_file():
-        yield path
-        return
-    found = (file for file in path.rglob("*") if file.suffix in _CODE and "__pycache__" not in file.parts)
-    yield from sorted(file for number, file in enumerate(found) if number < _MAX_FILES and file.is_file())
-
-
-def _stamp(file: Path) -> tuple[int, int]:
-    """Returns size and time of a file, which change with its content."""
-    try:
-        found = file.stat()
-    except OSError:
-        return 0, 0
-    return found.st_size, found.st_mtime_ns
 
 
 @cache  # reading all sources takes 50 ms
 def _digest(file: Path, size: int, changed: int) -> bytes:
-    try:
-        return hashlib.sha256(file.read_bytes()).digest()  # a source file that Python would import
-    except OSError:
-        return b""
+    """Returns the hash of a file, whose size and time change with its content. Raises OSError."""
+    return hashlib.sha256(file.read_bytes()).digest()  # a source file that Python would import
 
 
 def _processor() -> str:
@@ -126,9 +109,9 @@ def _processor() -> str:
 
 def compare_facts(before: Mapping[str, str], here: Mapping[str, str]) -> list[str]:
     """Returns a phrase for each fact that decides a result and has changed: "torch was 2.4.0 and is 2.5.1 here"."""
-    found = []
-    for name in dict.fromkeys((*before, *here)):
-        one, other = before.get(name, "missing"), here.get(name, "missing")
-        if one != other and name not in NOT_DECISIVE:
-            found.append(f"{name} was {one} and is {other} here")
-    return found
+    pairs = {name: (before.get(name, "missing"), here.get(name, "missing")) for name in (*before, *here)}
+    return [
+        f"{name} was {one} and is {other} here"
+        for name, (one, other) in pairs.items()
+        if one != other and name not in NOT_DECISIVE
+    ]

@@ -37,10 +37,17 @@ def environment(**more: str) -> dict[str, str]:
     A relative entry of PYTHONPATH stays, as an absolute one, if this package was found there: both processes must run
     the same version of it.
     """
+
+    def absolute(entry: str) -> str:  # "" for a relative one, unless it is the folder of this package
+        folder = Path(entry)
+        if folder.is_absolute():
+            return entry
+        return str(_HOME) if folder.is_dir() and folder.samefile(_HOME) else ""
+
     kept = {name: value for name, value in os.environ.items() if name not in _DROPPED}
     for name in kept.keys() & set(_FOLDERS):
-        if absolute := [*filter(None, map(_absolute, kept.pop(name).split(os.pathsep)))]:
-            kept[name] = os.pathsep.join(absolute)
+        if entries := [*filter(None, map(absolute, kept.pop(name).split(os.pathsep)))]:
+            kept[name] = os.pathsep.join(entries)
     return {**kept, _SAFE: kept.get(_SAFE) or _OURS, **more}
 
 
@@ -90,14 +97,6 @@ def _set_environment(wanted: dict[str, str]) -> None:
     for name in os.environ.keys() - wanted:
         del os.environ[name]
     os.environ.update(wanted)
-
-
-def _absolute(entry: str) -> str:
-    """Returns an entry that is absolute, or the folder of this package; otherwise ""."""
-    folder = Path(entry)
-    if folder.is_absolute():
-        return entry
-    return str(_HOME) if folder.is_dir() and folder.samefile(_HOME) else ""
 
 
 @cache

@@ -28,7 +28,7 @@ def test_the_next_painting_begins_with_what_this_one_learned(tmp_path: Path) -> 
     CALIBRATION.save(record)
     begun = Calibration.load(record)
     learned = Placement(LEARNED.error, LEARNED.information, LEARNED.touch.after("small", 0.001, 0.00001))
-    assert keep_learned(spec(record), begun, learned, FINISHED) == record
+    assert keep_learned(spec(record), begun, learned, FINISHED, lambda: None) == record
     kept = Calibration.load(record)
     assert kept == learned.correct(begun, CANVAS)
     assert kept.press_height == pytest.approx(CALIBRATION.press_height - 0.001, abs=1e-6)
@@ -59,5 +59,5 @@ def test_a_record_stays_as_it_is_where_nothing_can_be_told_of_it(case: str, tmp_
     if case == "calibrated meanwhile":
         CALIBRATION.with_robot(CALIBRATION.placement, residual=0.0).save(record)
     before = record.read_bytes()
-    assert keep_learned(how, begun, LEARNED, painting) is None
+    assert keep_learned(how, begun, LEARNED, painting, lambda: None) is None
     assert record.read_bytes() == before
