@@ -29,6 +29,12 @@ if TYPE_CHECKING:
     from frida_painter.mixing.recipe import Recipe
     from frida_painter.palette import Palette
 
+_Record = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration", metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"
+    ),
+]
 _trace_plan = Later("frida_painter_calibration.commands.without_camera:trace_plan")
 
 
@@ -224,10 +230,7 @@ def check(
         Path | None,
         typer.Option(metavar="FILE", help="The workspace file of the easel (TOML). [dim]the virtual studio's own[/]"),
     ] = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"),
-    ] = None,
+    calibration: _Record = None,
     camera: CameraOption = "",
     out: PictureOut = Path("check.png"),
 ) -> None:
@@ -250,10 +253,7 @@ def trace(
         typer.Argument(metavar="[PLAN]", help="A plan.json, or the folder of a painting.", show_default=False),
     ] = None,
     workspace: WorkspaceOption = None,
-    calibration: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"),
-    ] = None,
+    calibration: _Record = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before the robot moves. For scripts.")] = False,
 ) -> None:
     """Trace the outline of the canvas and of a plan in the air, without paint.
