@@ -49,14 +49,17 @@ def any_number(text: str) -> float:
         raise typer.BadParameter(f"{str(text)[:40]!r} is not a number, like 0.5") from error
 
 
-def out_file(text: str | Path) -> Path:
+def out_file(text: str | Path, *, folder: bool = False) -> Path:
     """Reads the path of an output file. Raises StorageError, or typer.BadParameter for an empty path."""
-    return _place(text, folder=False)
+    if not str(text):
+        raise typer.BadParameter("it is empty; give a path")
+    storage.require_place(Path(text), folder=folder)
+    return Path(text)
 
 
 def out_folder(text: str | Path) -> Path:
     """Reads the path of an output folder. Raises the same errors as `out_file`."""
-    return _place(text, folder=True)
+    return out_file(text, folder=True)
 
 
 def picture_file(text: str | Path) -> Path:
@@ -64,14 +67,6 @@ def picture_file(text: str | Path) -> Path:
     path = out_file(text)
     if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
         raise typer.BadParameter(f"{str(path)[-60:]!r} was given; the picture ends in .png or .jpg")
-    return path
-
-
-def _place(text: str | Path, *, folder: bool) -> Path:
-    if not str(text):
-        raise typer.BadParameter("it is empty; give a path")
-    path = Path(text)
-    storage.require_place(path, folder=folder)
     return path
 
 

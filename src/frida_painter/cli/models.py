@@ -1,5 +1,6 @@
 """Commands for pretrained networks: models list, fetch, path."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -50,7 +51,11 @@ def show(cache: Cache = None) -> None:
             justify="right" if title == "Size" else "left",
         )
     for entry in weights.all_weights():
-        table.add_row(entry.name, entry.purpose, megabytes(entry.size), entry.licence, _standing(entry.name, cache))
+        try:
+            standing = "[green]yes[/]" if weights.find(entry.name, cache) is not None else "[dim]no[/]"
+        except WeightsError:
+            standing = "[red]altered[/]"
+        table.add_row(entry.name, entry.purpose, megabytes(entry.size), entry.licence, standing)
     console = Console(highlight=False)
     console.print(table)
     folder = weights.cache_folder(cache)
@@ -92,10 +97,12 @@ def fetch(
     wanted = dict.fromkeys(
         one for name in given for one in (weights.words() if name == _WORDS else (weights.find_weights(name),))
     )
-    missing = []
+    missing, tell = [], partial(typer.echo, err=True)
     for entry in wanted:
         try:
-            folder = weights.fetch(entry.name, cache, offline=offline, origin=origin, tell=_tell)
+            folder = weights.fetch(
+                entry.name, cache, offline=offline, origin=origin, tell=partial(typer.echo, err=True)
+            )
         except WeightsError as error:
             if len(wanted) == 1:
                 raise
@@ -117,16 +124,3 @@ def path(
     from frida_painter import weights
 
     typer.echo(weights.require(name, cache))
-
-
-def _tell(sentence: str) -> None:
-    typer.echo(sentence, err=True)
-
-
-def _standing(name: str, cache: Path | None) -> str:
-    from frida_painter import weights
-
-    try:
-        return "[green]yes[/]" if weights.find(name, cache) is not None else "[dim]no[/]"
-    except WeightsError:
-        return "[red]altered[/]"

@@ -29,7 +29,7 @@ class StopSignal:
         self.terminal = tuple(filter(os.isatty, (0, 1, 2)))
         self.asked = False
         self.signal: int | None = None
-        self.at_once: Callable[[], None] = _nothing
+        self.at_once: Callable[[], None] = lambda: None  # before there is a robot to stop
         self._interrupts = 0
 
     @property
@@ -73,10 +73,6 @@ def stop_on_signals(lines: tuple[str, str] = OF_PAINTING) -> Iterator[StopSignal
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-
-
-def _nothing() -> None:
-    """Does nothing, before there is a robot to stop."""
 
 
 def _say(line: str) -> None:
