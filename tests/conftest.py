@@ -1,5 +1,4 @@
 import ctypes
-import functools
 import gc
 import os
 import resource
@@ -8,7 +7,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -207,17 +205,6 @@ def in_small_world() -> Iterator[None]:
     from support import small_world
 
     with small_world.small_world():
-        yield
-
-
-@pytest.fixture(scope="session", autouse=True)
-def _installed_once() -> Iterator[None]:
-    """What is installed is looked up once for each search path, not anew whenever a part is asked for by its name."""
-    from frida_painter import registry
-
-    look_up = functools.cache(lambda group, places: entry_points(group=group))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(registry, "entry_points", lambda group: look_up(group, tuple(sys.path)))
         yield
 
 

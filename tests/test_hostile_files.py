@@ -119,7 +119,7 @@ def painting(tmp_path: Path) -> Path:
     plan.save(folder / "plan.json")
     spec = RunSpec.of(goal=[{"image": tmp_path / "photo.png"}], strokes=6, studio_canvas=tmp_path / "photo.png")
     painting_folder.keep_goal(spec, folder)
-    painting_folder.keep_spec(spec, folder)
+    (folder / painting_folder.SETTINGS).write_text(json.dumps(spec.record()))
     images.save(torch.rand(3, 30, 40), folder / "look.png")
     storage.write_json(folder / "result.json", {"strokes_painted": 2, "strokes_given_up": [1], "stopped": False})
     known = Placement.unknown({"fine": 0.01})

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import compiled, event_log, locks
+from frida_painter import event_log, locks
 from frida_painter.errors import FridaError, StorageError
 from frida_painter.event_log import FEED, JOURNAL, EventLog
 from frida_painter_lab import runs
@@ -78,16 +78,6 @@ def test_a_reader_that_locks_a_feed_slows_no_painting_down(tmp_path: Path, monke
         assert 1 < sum(waits) < 3
         feed.append({"event": 2})
     assert EventLog.read(tmp_path / "feed", FEED) == [{"event": 2}]
-
-
-def test_planning_waits_for_compiled_loops_once_and_says_for_what(tmp_path: Path) -> None:
-    said: list[str] = []
-    path = tmp_path / "compiling.lock"
-    with held(path):
-        compiled.await_loops(said.append, tmp_path, patience=0.03)
-        assert len(said) == 2 and str(path) in said[1]
-        compiled.await_loops(said.append, tmp_path, patience=0.03)
-        assert len(said) == 2, "the next command does not wait for the same holder"
 
 
 def test_a_worker_s_lock_is_refused_after_a_moment(tmp_path: Path) -> None:

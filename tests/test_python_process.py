@@ -65,7 +65,6 @@ def picture() -> bytes:
 
 # Arguments, input and status of each process, so that it imports what its work needs. The input None stays open.
 CHILDREN = {
-    "frida_painter.compiled": (("loops", "frame_kernels"), None, 0),
     "frida_painter.easel.host": (("SOCKET", "SOCKET", "virtual"), None, 0),
     "frida_painter.picture_file": (("a.png", "9999", "9", "3"), picture(), 0),
     "frida_painter_words.picture_makers.pipeline_process": ((".",), None, 1),

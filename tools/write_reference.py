@@ -26,8 +26,7 @@ from frida_painter.hardware.kinds import CameraKind, RobotKind
 from frida_painter.mixing.recipe import MixerKind
 from frida_painter.objectives.objective import GoalKind
 from frida_painter.planning.planner import PlannerKind
-from frida_painter.runs.settings import OF_PAINTINGS, about, help_of, usual_of
-from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.spec import OF_PAINTINGS, RunSpec, about, help_of, usual_of
 from frida_painter.storage import megabytes
 from frida_painter_words.picture_makers.making import PictureMakerKind
 

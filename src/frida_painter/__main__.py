@@ -43,14 +43,14 @@ def main() -> NoReturn:
             raise
     for number in signals:  # the program ends already; further signals change nothing
         signal.signal(number, signal.SIG_IGN)
-    number = heard[0] if heard else signal.SIGINT
-    if number == signal.SIGHUP:
+    cause = heard[0] if heard else signal.SIGINT
+    if cause == signal.SIGHUP:
         from frida_painter.cli.stop_signal import leave_terminal
 
         leave_terminal(terminal)
     with suppress(OSError):
-        print(f"\nfrida-painter: it was ended ({signal.Signals(number).name}); nothing more is done.", file=sys.stderr)
-    sys.exit(128 + number)
+        print(f"\nfrida-painter: it was ended ({signal.Signals(cause).name}); nothing more is done.", file=sys.stderr)
+    sys.exit(128 + cause)
 
 
 if __name__ == "__main__":

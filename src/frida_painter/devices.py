@@ -1,4 +1,4 @@
-"""Helpers for GPUs: transfers without a wait, constants on each device, half precision; settings of the process."""
+"""Devices: compiled loops, transfers to a GPU, constants on each device, half precision; settings of the process."""
 
 import ctypes
 import sys
@@ -7,9 +7,21 @@ from pathlib import Path
 from typing import Any
 
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 _COMPUTES_BFLOAT16 = (8, 0)  # compute capability, of Ampere and later
+
+
+def compiles_for(tensor: Tensor) -> bool:
+    """Returns True if compiled loops can use the tensor, because it is on the CPU; otherwise PyTorch computes."""
+    return tensor.device.type == "cpu"
+
+
+def array(tensor: Tensor) -> NDArray[Any]:
+    """Returns the values of a CPU tensor without gradient; shares its memory if it is contiguous."""
+    bare = tensor.detach() if tensor.requires_grad else tensor  # detach makes a new tensor at each call
+    return (bare if bare.is_contiguous() else bare.contiguous()).numpy()
 
 
 def send_to_device(tensor: Tensor, device: torch.device) -> Tensor:

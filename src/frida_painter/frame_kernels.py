@@ -5,7 +5,7 @@
 
 import math
 
-from numba import float32, njit, types
+from numba import njit
 
 
 @njit(cache=True)
@@ -41,12 +41,3 @@ def pull_back(strokes, metres, to_affine, to_strokes):  # type: ignore[no-untype
         to_position[i, 0], to_position[i, 1] = -(cos * c + sin * f), cos * f - sin * c
         turned = cos * (pitch[0] * d - pitch[1] * b) - sin * (pitch[0] * a + pitch[1] * e)
         to_angle[i] = turned - c * (sin * x - cos * y) + f * (cos * x + sin * y)
-
-
-def argument_types():  # type: ignore[no-untyped-def]
-    """Returns each loop with its argument types for plans in float32; see compiled.py."""
-    strokes = types.Tuple((float32[:, ::1], float32[::1]))  # type: ignore[no-untyped-call]
-    pair = types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
-    metres = types.UniTuple(pair, 4)  # type: ignore[no-untyped-call]
-    affine = float32[:, :, ::1]
-    return (place, (strokes, metres, affine)), (pull_back, (strokes, metres, affine, strokes))

@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.compiled import compiles_for
+from frida_painter.devices import compiles_for
 from frida_painter.errors import CalibrationError
 
 # Distortion of a camera's lens

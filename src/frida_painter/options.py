@@ -93,8 +93,7 @@ class SettingOption(OptionInfo):
 
     def __getattribute__(self, name: str) -> Any:
         if name in ("help", "metavar", "show_default"):
-            from frida_painter.runs.settings import about, help_of
-            from frida_painter.runs.spec import RunSpec
+            from frida_painter.runs.spec import RunSpec, about, help_of
 
             field = RunSpec.model_fields[self._setting]
             if name == "show_default":
@@ -113,8 +112,7 @@ def camera_name(text: str) -> str:
 
 
 BrushOption = Annotated[
-    str,
-    ListingOption("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush. Available:"),
+    str, ListingOption("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush. Available:")
 ]
 SeedOption = Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")]
 PlanFile = Annotated[

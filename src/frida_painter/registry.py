@@ -21,14 +21,7 @@ from configparser import ConfigParser
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import (
-    EntryPoint,
-    PackageNotFoundError,
-    distributions,
-    entry_points,
-    requires,
-    version,
-)
+from importlib.metadata import EntryPoint, PackageNotFoundError, distributions, requires, version
 from importlib.util import find_spec
 from pathlib import Path, PurePath
 from traceback import walk_tb
@@ -67,15 +60,10 @@ PICTURE_MAKERS = "frida_painter.picture_makers"
 _GROUPS = "frida_painter."
 
 
-def _read_parts() -> Mapping[str, Mapping[str, str]]:
-    """Returns the parts that entry_points.txt lists."""
-    table = ConfigParser(delimiters=("=",), interpolation=None)
-    table.read_string(Path(__file__).with_name("entry_points.txt").read_text("utf-8"))
-    return {group: dict(table[group]) for group in table.sections()}
-
-
-OUR_PARTS = _read_parts()
-"""Parts of this project: "module:object" by group and name."""
+_TABLE = ConfigParser(delimiters=("=",), interpolation=None)
+_TABLE.read_string(Path(__file__).with_name("entry_points.txt").read_text("utf-8"))
+OUR_PARTS: Mapping[str, Mapping[str, str]] = {group: dict(_TABLE[group]) for group in _TABLE.sections()}
+"""Parts of this project, as entry_points.txt lists them: "module:object" by group and name."""
 
 
 @dataclass(frozen=True)
@@ -112,8 +100,9 @@ class Part:
         except FridaError:
             raise
         except (Exception, SystemExit) as failure:  # a foreign module may raise anything
-            why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
-            raise PluginError(f"{brought} cannot be loaded ({why}); mend or uninstall that package.") from failure
+            raise PluginError(
+                f"{brought} cannot be loaded ({_why(failure)}); mend or uninstall that package."
+            ) from failure
         if not isinstance(found, kind):
             raise PluginError(f"{brought} is a {type(found).__name__} and should be a {kind.__name__}; mend it there.")
         called = getattr(found, "name", self.name)
@@ -136,42 +125,14 @@ class Later:
         return EntryPoint("", self.target, "").load()(*arguments, **named)
 
 
-def names_of_others(group: str) -> tuple[str, ...]:
-    """Returns the names that other packages register in a group, without those of this project; imports nothing."""
-    theirs = {point.name for point in _points_of_others(tuple(sys.path)) if point.group == group}
-    return tuple(sorted(theirs - OUR_PARTS.get(group, {}).keys()))
-
-
-def modules_of_others() -> Mapping[str, tuple[str, ...]]:
-    """Returns the top-level modules that other packages register in any of our groups, by the package's name."""
-    found: dict[str, set[str]] = {}
-    for point in _points_of_others(tuple(sys.path)):
-        package = point.dist.name if point.dist is not None else "unknown"
-        found.setdefault(package, set()).add(point.value.partition(":")[0].partition(".")[0])
-    return {package: tuple(sorted(names)) for package, names in sorted(found.items())}
-
-
-def blame(failure: BaseException) -> PluginError | None:
-    """Returns an error that names the package of a part whose code was running; None if there was none."""
-    packages = {module: package for package, modules in modules_of_others().items() for module in modules}
-    for frame, line in reversed([*walk_tb(failure.__traceback__)]):
-        package = packages.get(str(frame.f_globals.get("__name__")).partition(".")[0])
-        if package is not None:
-            why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
-            return PluginError(
-                f"The package {package} failed ({why}; {PurePath(frame.f_code.co_filename).name}, line {line}); "
-                f"mend it, or leave out its parts. `frida-painter parts {package}` tries them."
-            )
-    return None
-
-
 @cache  # reading the metadata of all packages takes a tenth of a second; they change with the path
-def _points_of_others(path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    found: list[EntryPoint] = []
+def _points_of_others(path: tuple[str, ...]) -> tuple[tuple[str, EntryPoint], ...]:
+    """Returns the entry points of other packages with the name of each package; damaged metadata is skipped."""
+    found: list[tuple[str, EntryPoint]] = []
     for package in distributions(path=list(path)):
-        with suppress(*_DAMAGES):
+        with suppress(TypeError, ValueError, OSError):
             if package.name != OURS:
-                found += [point for point in package.entry_points if point.group.startswith(_GROUPS)]
+                found += [(package.name, point) for point in package.entry_points if point.group.startswith(_GROUPS)]
     return tuple(found)
 
 
@@ -183,13 +144,41 @@ def parts(group: str) -> Mapping[str, Part]:
     """
     ours = {name: Part(group, name, target, (OURS,)) for name, target in OUR_PARTS.get(group, {}).items()}
     others: dict[str, Part] = {}
-    for point in _points(group):
-        package = point.dist.name if point.dist is not None else "unknown"
-        known = others.get(point.name)
-        if point.name not in ours and package != OURS:
-            before = known.packages if known is not None else ()
+    for package, point in _points_of_others(tuple(sys.path)):
+        before = others[point.name].packages if point.name in others else ()
+        if point.group == group and point.name not in ours and package not in before:
             others[point.name] = Part(group, point.name, point.value, (*before, package))
     return ours | dict(sorted(others.items()))
+
+
+def names_of_others(group: str) -> tuple[str, ...]:
+    """Returns the names that other packages register in a group, without those of this project; imports nothing."""
+    return tuple(name for name, part in parts(group).items() if not part.is_ours)
+
+
+def modules_of_others() -> Mapping[str, tuple[str, ...]]:
+    """Returns the top-level modules that other packages register in any of our groups, by the package's name."""
+    found: dict[str, set[str]] = {}
+    for package, point in _points_of_others(tuple(sys.path)):
+        found.setdefault(package, set()).add(point.value.partition(":")[0].partition(".")[0])
+    return {package: tuple(sorted(names)) for package, names in sorted(found.items())}
+
+
+def blame(failure: BaseException) -> PluginError | None:
+    """Returns an error that names the package of a part whose code was running; None if there was none."""
+    packages = {module: package for package, modules in modules_of_others().items() for module in modules}
+    for frame, line in reversed([*walk_tb(failure.__traceback__)]):
+        package = packages.get(str(frame.f_globals.get("__name__")).partition(".")[0])
+        if package is not None:
+            return PluginError(
+                f"The package {package} failed ({_why(failure)}; {PurePath(frame.f_code.co_filename).name}, line "
+                f"{line}); mend it, or leave out its parts. `frida-painter parts {package}` tries them."
+            )
+    return None
+
+
+def _why(failure: BaseException) -> str:
+    return " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
 
 
 def load_part(group: str, name: str, kind: type[Kind], what: str) -> Kind:
@@ -203,22 +192,6 @@ def load_part(group: str, name: str, kind: type[Kind], what: str) -> Kind:
     return known[name].load(kind)
 
 
-_DAMAGES = (TypeError, ValueError, OSError)
-"""Errors of damaged metadata."""
-
-
-def _points(group: str) -> list[EntryPoint]:
-    """Returns the entry points of a group; skips packages with damaged metadata."""
-    try:
-        return list(entry_points(group=group))
-    except _DAMAGES:  # one damaged package stops the read of all
-        found: dict[str, list[EntryPoint]] = {}
-        for package in distributions():
-            with suppress(*_DAMAGES):
-                found.setdefault(package.name, list(package.entry_points.select(group=group)))
-        return [point for points in found.values() for point in points]
-
-
 # Comparison of an object with a protocol: its members, and whether its functions take what the protocol gives.
 
 
@@ -227,30 +200,22 @@ def require_like(made: object, protocol: type[Any], what: str, error: type[Frida
 
     what: subject of the sentence, such as "Its driver"
     """
-    for name in _members(protocol):
+    bases = [base for base in reversed(protocol.__mro__) if base not in (object, Generic, Protocol)]
+    for name in dict.fromkeys(name for base in bases for name in (*inspect.get_annotations(base), *vars(base))):
+        if name.startswith("_") and name != "__call__":
+            continue
         declared = inspect.getattr_static(protocol, name, None)
         is_function = inspect.isfunction(declared)
+        called = f"{name}({', '.join([*inspect.signature(declared).parameters][1:])})" if is_function else name
         try:
             found = getattr(made, name)
         except AttributeError as lack:
-            called = f"{name}{_arguments(declared)}" if is_function else name
             raise error(f"{what} has no {called}; {protocol.__name__} of frida_painter.plugins has it.") from lack
         if is_function and not takes(found, declared):
             raise error(
-                f"{what} has a {name} that cannot be called as {name}{_arguments(declared)}; give it these arguments, "
-                f"as {protocol.__name__} of frida_painter.plugins does."
+                f"{what} has a {name} that cannot be called as {called}; give it these arguments, as "
+                f"{protocol.__name__} of frida_painter.plugins does."
             )
-
-
-def _members(protocol: type[Any]) -> list[str]:
-    """Returns the names of all members of a protocol, in the order in which they are declared."""
-    bases = [base for base in reversed(protocol.__mro__) if base not in (object, Generic, Protocol)]
-    names = dict.fromkeys(name for base in bases for name in (*inspect.get_annotations(base), *vars(base)))
-    return [name for name in names if not name.startswith("_") or name == "__call__"]
-
-
-def _arguments(declared: Any) -> str:
-    return f"({', '.join([*inspect.signature(declared).parameters][1:])})"
 
 
 def takes(found: Any, declared: Any) -> bool:
@@ -261,10 +226,10 @@ def takes(found: Any, declared: Any) -> bool:
         return False
     try:
         inspect.signature(found).bind(*[None] * (len(given) - len(named)), **named)
-    except TypeError:
-        return False
     except ValueError:  # a compiled function does not tell
         return True
+    except TypeError:
+        return False
     return True
 
 
@@ -320,8 +285,17 @@ def install_command(extra: str) -> str:
         declared = [Requirement(line) for line in requires(OURS) or ()]
     except PackageNotFoundError:
         declared = []
-    wanted = [one for one in declared if _is_for(one, extra) and not _is_for(one, "")]
-    lacking = [one for one in wanted if not _is_satisfied(one)] or wanted  # all, if one is here but broken
+
+    def is_for(one: "Requirement", extra: str) -> bool:
+        return one.marker is None or one.marker.evaluate({"extra": extra})
+
+    def is_satisfied(one: "Requirement") -> bool:
+        with suppress(PackageNotFoundError):
+            return one.specifier.contains(version(one.name), prereleases=True)
+        return False
+
+    wanted = [one for one in declared if is_for(one, extra) and not is_for(one, "")]
+    lacking = [one for one in wanted if not is_satisfied(one)] or wanted  # all, if one is here but broken
     packages = [str(one).partition(";")[0] for one in lacking] or [f"{Path(__file__).parents[2]}[{extra}]"]
     python = shlex.quote(sys.executable)
     command = f"{python} -m pip install"
@@ -331,17 +305,6 @@ def install_command(extra: str) -> str:
     if sys.prefix == sys.base_prefix and Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED").is_file():
         command += " --break-system-packages"  # this project was installed so
     return f"{command} {shlex.join(packages)}"
-
-
-def _is_for(one: "Requirement", extra: str) -> bool:
-    return one.marker is None or one.marker.evaluate({"extra": extra})
-
-
-def _is_satisfied(one: "Requirement") -> bool:
-    try:
-        return one.specifier.contains(version(one.name), prereleases=True)
-    except PackageNotFoundError:
-        return False
 
 
 # Cache of network weights: <cache>/<name>/, with a record that is written last.

@@ -25,12 +25,10 @@ def verify(
     Versions, plug-ins, code, device, all files that went in and all files in the folder are compared. If something
     differs, it is named, and the exit status is 1.
     """
-    from frida_painter.compiled import LoopCompiler  # loaded here, so that help is quick
-    from frida_painter_lab.records import record
+    from frida_painter_lab.records import record  # loaded here, so that help is quick
 
     found = record(folder)
-    with LoopCompiler():
-        checked = found.make_again() if again else found.check()
+    checked = found.make_again() if again else found.check()
     typer.echo(str(checked))
     if not checked.passed:
         raise typer.Exit(1)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from frida_painter import registry, storage
-from frida_painter.compiled import LoopCompiler
 from frida_painter.errors import ConfigError
 from frida_painter.options import (
     CameraOption,
@@ -160,8 +159,7 @@ def studio(
         if browser:
             webbrowser.open(links.once)  # valid once: others can read a browser's command line
 
-    with LoopCompiler():  # compiles while people look at the page; the first plan waits for it
-        serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified, makers)
+    serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified, makers)
 
 
 def _print_links(links: "dict[Role, str]") -> None:

@@ -22,10 +22,9 @@ from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
 from frida_painter.errors import StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.objectives.objective import Gives, goal_kinds
-from frida_painter.runs.fields import Focus, Ground
+from frida_painter.runs.fields import AUTO, Focus, Ground, brush_shares, family_shares, limits_of
 from frida_painter.runs.goal_item import Crop, GoalItem
-from frida_painter.runs.shares import AUTO, brush_shares, family_shares
-from frida_painter.runs.spec import FORMER, RunSpec
+from frida_painter.runs.spec import RunSpec, without_former
 from frida_painter.session.events import Failed, PlanningProgress, Turns, Written, events_of, record, time_of
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
@@ -39,7 +38,7 @@ _LARGEST, _SMALLEST = 2000.0, 60.0  # mm
 def _field_like_spec(name: str) -> Any:
     """Returns a field with the default and the limits of RunSpec."""
     field = RunSpec.model_fields[name]
-    bounds = {bound: getattr(part, bound) for part in field.metadata for bound in ("ge", "le") if hasattr(part, bound)}
+    bounds: dict[str, Any] = limits_of(field)
     return Field(field.default, allow_inf_nan=False, **bounds)
 
 
@@ -61,7 +60,7 @@ def _require_brush(name: str) -> str:
 
 
 def _require_brushes(text: str) -> str:
-    if text not in ("", AUTO):
+    if text:
         for name, _ in brush_shares(text):
             _require_brush(name)
     return text
@@ -156,13 +155,8 @@ class PaintingRequest(_Checked):
     @model_validator(mode="before")
     @classmethod
     def _upgrade(cls, given: Any) -> Any:
-        """Converts an old request with a single brush, or that of 0.3 with settings that are fixed now."""
-        if not isinstance(given, dict):
-            return given
-        known = {
-            name: value for name, value in given.items() if name != "brush" and (name, value) not in FORMER.items()
-        }
-        return {"brushes": given["brush"], **known} if "brush" in given else known
+        """Returns a request of 0.3 without settings that are fixed now."""
+        return without_former(given) if isinstance(given, dict) else given
 
     @model_validator(mode="after")
     def _is_possible(self) -> Self:
@@ -170,8 +164,6 @@ class PaintingRequest(_Checked):
             raise ValueError("There is nothing to paint yet: give a picture, or words, or draw something.")
         if self.together and (self.terms or self.initial):
             raise ValueError("A painting with a goal cannot be one without; take the goals away, or draw together.")
-        if self.strokes_of and self.brushes == AUTO:
-            raise ValueError("Stroke families are painted with the last brush: name the brushes too.")
         if self.together and not self._is_of_strokes_alone:
             raise ValueError(
                 "To draw together without a goal, name one brush, and neither a stroke family, nor a time, nor a "
@@ -188,8 +180,7 @@ class PaintingRequest(_Checked):
     @property
     def _is_of_strokes_alone(self) -> bool:
         """True if nothing is asked that only a goal can use."""
-        one_brush = self.brushes != AUTO and "," not in self.brushes
-        return one_brush and not self.strokes_of and self.minutes is None and self.ground != AUTO
+        return "," not in self.brushes and not self.strokes_of and self.minutes is None and self.ground != AUTO
 
     @property
     def pictures(self) -> frozenset[str]:

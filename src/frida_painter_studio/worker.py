@@ -30,11 +30,11 @@ from frida_painter.plan import Plan
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
 from frida_painter.report.painters import PAINTERS, PERSON, find_painters
+from frida_painter.runs.fields import family_shares
 from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun, RunOutcome
-from frida_painter.runs.settle import brushes_of, ground_of, paints_for_recipes
-from frida_painter.runs.shares import AUTO, family_shares
+from frida_painter.runs.settle import ground_of, paints_for_recipes
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events, setup_events
 from frida_painter.session.controls import Controls
@@ -245,8 +245,6 @@ def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, with replans as the description says."""
     folder, plan = job.folder.painting, Plan.load(place.plan)
     spec = job.spec(place).with_values(ground=ground_of(plan))
-    if spec.brushes == AUTO:
-        spec = spec.with_values(brushes=brushes_of(plan), strokes_of=None)
     with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
         _tell_waits(job, run)
         run.load_easel()  # loads in parallel with the planner

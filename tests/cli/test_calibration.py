@@ -1,4 +1,3 @@
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -94,20 +93,8 @@ def record(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", ["paint", "doctor", "calibrate"])
-@pytest.mark.parametrize(
-    ("damage", "says"),
-    [
-        (lambda whole: whole[: len(whole) // 2], "calibrate all"),
-        (lambda whole: b"", "calibrate all"),
-        (lambda whole: whole.replace(b"0.12", b"0.13", 1), "calibrate all"),
-        (lambda whole: b'{"format": "plan"}', "calibrate all"),
-    ],
-    ids=["cut", "empty", "edited", "something else"],
-)
-def test_a_damaged_record_is_refused(
-    call: Command, record: Path, photo: Path, command: str, damage: Callable[[bytes], bytes], says: str
-) -> None:
-    record.write_bytes(damage(record.read_bytes()))
+def test_a_damaged_record_is_refused(call: Command, record: Path, photo: Path, command: str) -> None:
+    record.write_bytes(record.read_bytes().replace(b"0.12", b"0.13", 1))
     before = record.read_bytes()
     words = {
         "paint": (photo, "--strokes", 5, "--calibration", record, "--render-height", 64),
@@ -115,7 +102,7 @@ def test_a_damaged_record_is_refused(
         "calibrate": ("canvas", "--record", record),
     }[command]
     status, out, err = call(command, *words, *STUDIO)
-    assert (status, says in out + err) == (1 if command == "doctor" else 2, True)
+    assert (status, "calibrate all" in out + err) == (1 if command == "doctor" else 2, True)
     assert record.read_bytes() == before and not (record.parent / "paintings").exists()
 
 
@@ -142,11 +129,6 @@ def test_with_a_foreign_record_nothing_is_begun(call: Command, record: Path, pho
     status, _, err = call("paint", photo, "--strokes", 5, "--calibration", record, "--render-height", 64, *studio)
     assert status == 2 and "'virtual studio 3', and this is 'virtual studio 4'" in err and err.count("\n") == 1
     assert not (record.parent / "paintings").exists(), "no folder is left behind"
-
-
-def test_a_missing_record_that_was_named_is_told(call: Command, photo: Path) -> None:
-    status, out, _ = call("doctor", "--record", "nowhere.json")
-    assert status == 1 and "does not exist" in out
 
 
 @pytest.mark.parametrize(

@@ -42,11 +42,6 @@ def test_the_virtual_studio_takes_every_plan(plan, capsys) -> None:
     assert not Path("check.png").exists()
 
 
-def test_a_plan_that_fits_its_workspace(plan, capsys) -> None:
-    assert run_command("check", plan, "--workspace", workspace()) == 0
-    assert "all of it can be painted" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize("robot", ["human", "gcode:/dev/ttyUSB0"])
 def test_a_plan_is_checked_for_a_robot_by_name(plan, capsys, robot) -> None:
     words = () if robot == "human" else ("--workspace", workspace())

@@ -115,20 +115,13 @@ def test_what_cannot_be_is_one_sentence_and_plans_nothing(
     ("options", "says"),
     [
         (("--pictures", "."), "nothing of this goal is made of pictures of things"),
-        (("--style", "photo.png"), "frida-painter models fetch hed"),
-        (("--sketch", "photo.png"), "frida-painter models fetch"),
         (("--semantic", "photo.png"), "frida-painter models fetch efficientnet-lite0"),
         (("--strokes", "3", "--colors", "2", "--brushes", "broad:90%,medium:10%"), "medium gets 10 % of 3 strokes"),
         (("--strokes-of", "no-such"), "no-such"),
         (("--palette", "no.toml"), "no.toml"),
-        (("--calibration", "no.json"), "no.json"),
-        (("--planner", "no-such"), "no-such"),
-        (("--studio-canvas", "no.jpg"), "no.jpg"),
         (("--on-canvas",), "--on-canvas was given"),
         (("--robot", "no-such"), "There is no robot 'no-such'"),
         (("--robot", "axidraw", "--camera", "none"), "needs a workspace file"),
-        (("--robot", "axidraw", "--camera", "none", "--workspace", "no.toml"), "no.toml"),
-        (("--replan-policy", "no-such"), "no-such"),
     ],
 )
 def test_whatever_refuses_a_painting_refuses_it_before_anything_is_made(
@@ -141,11 +134,6 @@ def test_whatever_refuses_a_painting_refuses_it_before_anything_is_made(
     said = say("paint", "--text", "a hat", "--imagine", "command:touch made", *CHEAP, *focus, *options)
     assert said.startswith("2: ") and says in said and "Traceback" not in said, said
     assert not (tmp_path / "made").exists() and not list(tmp_path.rglob("a-hat*"))
-
-
-def test_a_folder_that_is_taken_is_told_before_anything_is_made(say: Callable[..., str], tmp_path: Path) -> None:
-    said = say("plan", "--text", "a hat", "--imagine", "command:false", "--out", tmp_path)
-    assert said.startswith("2: ") and "is not empty, and nothing there is overwritten" in said, said
 
 
 def making(folder: Path) -> Making:

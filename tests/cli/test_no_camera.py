@@ -12,7 +12,6 @@ from frida_painter.event_log import EventLog
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import example
 from frida_painter.session.journal import History
-from killing import began, kill_when
 from machines.bench import tell_zero
 from machines.grbl import GRBL, QUICK, GrblController
 from machines.simulated_time import Living
@@ -111,16 +110,3 @@ def test_without_a_camera_the_plan_is_painted_and_everything_says_that_nobody_lo
     status, said = run("resume", "it")
     assert status == 0 and "made again" in said and "as expected: nobody looked" in said
     assert (np.asarray(Image.open(desk / "it" / "painting.png").convert("L")) == painting).mean() > 0.99
-
-
-def test_killed_and_resumed_nobody_looks_either(run: Run, desk: Path, grbl: Living) -> None:
-    """Fault F1: the painting process is killed."""
-    robot = ("--robot", f"gcode:{grbl.name}")
-    words = ("paint", "coffee.png", *SMALL, *robot, *BLIND, "--out", desk / "it", "--yes", "--no-film")
-    kill_when(desk / "it" / "journal", began(3), lambda: run(*words))
-    assert told(desk / "it").in_doubt == 3
-    status, said = run("resume", "it", "--yes", "--repaint")
-    assert status == 0, said
-    history = told(desk / "it")
-    assert history.finished and history.painted == 5 and history.given_up == [] and history.runs == 2
-    assert "The canvas as it should be" in said and "photographed" not in kinds(desk / "it")

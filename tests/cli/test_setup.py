@@ -92,13 +92,7 @@ def test_what_cannot_be_true_is_told_and_asked_again(run: Run, router: Living, t
     assert np.abs(np.array(router.controller.moved)[:, 0]).max() < 300
 
 
-@pytest.mark.parametrize(
-    ("damage", "said"),
-    [
-        ('{"format": 1}', "no checksum"),
-        ("nonsense", "cut off or not JSON"),
-    ],
-)
+@pytest.mark.parametrize(("damage", "said"), [('{"format": 1}', "no checksum"), ("nonsense", "cut off or not JSON")])
 def test_a_damaged_state_is_refused(run: Run, tmp_path: Path, damage: str, said: str) -> None:
     (tmp_path / "easel").mkdir()
     (tmp_path / "easel" / "setup.json").write_text(damage)

@@ -110,25 +110,3 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
         inside = page.relative_to(DOCS).with_suffix("")
         folder = inside.parent if inside.name == "index" else inside
         assert (tmp_path / folder / "index.html").is_file()
-
-
-def test_the_strict_build_can_fail(tmp_path: Path) -> None:
-    """The same settings and hooks with one page and no module, which is built at once; each link is a warning."""
-    links = ("gone.md", "index.md#no-such-part", "../src/frida_painter/gone.py")
-    (tmp_path / "docs").mkdir()
-    (tmp_path / "docs" / "index.md").write_text("# Home\n\n" + "\n".join(f"[it]({link})" for link in links))
-    settings = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("nav:")[0]
-    settings = settings.replace("hooks: [tools/reference.py]", f"hooks: [{tmp_path / 'hooks.py'}]")
-    (tmp_path / "mkdocs.yml").write_text(settings + "nav: [index.md]\n")
-    hooks = (ROOT / "tools" / "reference.py").read_text(encoding="utf-8")
-    ours = hooks.replace("Path(__file__).parents[1]", repr(ROOT).replace("PosixPath", "Path"))
-    kept = re.sub(r"def (on_config|on_files|on_post_build)", r"def not_\1", ours)
-    (tmp_path / "hooks.py").write_text(kept)
-    installed("mkdocs")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
-    quiet = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
-    built = subprocess.run(command, cwd=tmp_path, env=quiet, capture_output=True, text=True, check=False)
-    warnings = [line for line in built.stderr.splitlines() if line.startswith("WARNING")]
-    assert built.returncode != 0
-    for says in ("link 'gone.md'", "#no-such-part", "links to src/frida_painter/gone.py"):
-        assert sum(says in line for line in warnings) == 1, built.stderr

@@ -141,18 +141,6 @@ def test_only_what_is_run_or_shown_stands_in_a_block() -> None:
     assert all(block.name for block in found if block.kind == "toml")
 
 
-def test_a_page_that_promises_too_much_is_found_out(tmp_path: Path) -> None:
-    (tmp_path / "there.txt").write_text("")
-    page = "You now have: `there.txt`.\n\n```sh\necho a > b\n```\n\nYou now have: `b`, `c`.\n"
-    first, command, second = blocks(page)
-    run(first, tmp_path, 0)
-    run(command, tmp_path, 1)
-    with pytest.raises(AssertionError):
-        run(second, tmp_path, 2)
-    with pytest.raises(AssertionError, match="false"):
-        run(Block("sh", "", "false | cat\n"), tmp_path, 3)
-
-
 @pytest.mark.timeout(3600)  # some twenty commands, on a machine that may be busy
 @pytest.mark.skipif(shutil.which("bash") is None or shutil.which("make") is None, reason="needs bash and make")
 def test_every_step_works_as_it_stands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

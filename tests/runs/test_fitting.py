@@ -35,6 +35,8 @@ def test_a_crop_says_how_much_is_left_out(square: Goal) -> None:
     made = fit_canvas(RunSpec.of(canvas="300x200mm", fit="crop"), square)
     assert str(made.spec.canvas) == "300 x 200 mm"
     assert "33 % of its height is left out" in made.remark and "--fit pad" in made.remark
+    assert "50 % of its width is left out" in fit_canvas(RunSpec.of(canvas="100x200mm", fit="crop"), square).remark
+    assert fit_canvas(RunSpec.of(canvas="200x200mm", fit="crop"), square).remark == ""
 
 
 def test_padding_shows_the_whole_picture_on_white(square: Goal) -> None:
@@ -59,10 +61,6 @@ def test_what_is_planned_towards_is_not_softened_on_the_way(side: int, tmp_path:
 def test_a_canvas_that_lies_on_an_easel_stays_as_it_is(square: Goal, settings: dict[str, object]) -> None:
     made = fit_canvas(RunSpec.of(canvas="300x200mm", **settings), square)
     assert str(made.spec.canvas) == "300 x 200 mm" and "is left out" in made.remark
-
-
-def test_a_picture_of_the_canvass_proportions_loses_nothing(square: Goal) -> None:
-    assert fit_canvas(RunSpec.of(canvas="200x200mm", fit="crop"), square).remark == ""
 
 
 def test_a_picture_too_narrow_for_any_canvas_is_refused(tmp_path: Path) -> None:

@@ -72,10 +72,6 @@ def test_names_and_titles_are_safe_and_short(text: str) -> None:
     assert len(title_of(prompt)) <= 62 and "\n" not in prompt
 
 
-def test_names_do_not_leave_their_folder() -> None:
-    assert name_of("../../etc/passwd") == "etc-passwd"
-
-
 @pytest.fixture
 def photo(tmp_path: Path) -> Path:
     path = tmp_path / "photo.png"
@@ -121,10 +117,6 @@ def test_a_crop_is_kept_with_the_goal_and_is_what_is_planned(tmp_path: Path) -> 
             RunSpec.of(goal=[{"image": str(photo), "crop": wrong}])
     with pytest.raises(ConfigError, match="only pictures are cropped"):
         RunSpec.of(goal=[{"text": "a ship", "crop": [0, 0, 1, 1]}])
-
-
-def test_words_alone() -> None:
-    assert make_goal(text="a lemon").terms == (TextTerm("a lemon"),)
 
 
 def test_what_makes_no_goal_is_refused(photo: Path, tmp_path: Path) -> None:

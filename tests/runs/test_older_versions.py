@@ -1,25 +1,18 @@
-"""Plans, stopped paintings, records, journals and settings of 0.2 are read; those of 0.1 are refused, and stay."""
+"""Plans, stopped paintings, records, journals and settings of 0.3 are read."""
 
 import json
-import re
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from frida_painter.calibration import Calibration
-from frida_painter.errors import ConfigError, FridaError, StorageError
-from frida_painter.event_log import FEED, EventLog, LogReader
+from frida_painter.errors import StorageError
 from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.spec import RunSpec, upgrade_record
+from frida_painter.runs.spec import upgrade_record
 from frida_painter.session.controls import Controls
-from frida_painter.virtual.simulation_log import SimulationLog
-from frida_painter_studio.painting_state import PaintingState
-from frida_painter_studio.state import FeedStates
-from frida_painter_studio.studio_folder import Feed, PaintingFolder
 
 TRUE_PHOTOGRAPHS = True
 
@@ -70,40 +63,3 @@ def test_a_painting_whose_journal_has_another_version_is_refused_in_one_sentence
         pass
     assert str(journal) in str(refused.value) and "\n" not in str(refused.value)
     assert sorted((path, path.stat().st_size) for path in stopped.rglob("*")) == before
-
-
-# What commit 44d0b50 (0.1) wrote. Each reader, and the file that it refuses.
-FIRST: list[tuple[str, type[FridaError], Callable[[Path], object]]] = [
-    ("journal", StorageError, lambda folder: PaintingRun.reopen(folder)),
-    ("settings.json", ConfigError, lambda folder: RunSpec.read(folder / "settings.json")),
-    ("studio.diary", StorageError, lambda folder: SimulationLog(folder / "studio.diary", {})),
-    ("feed.jsonl", StorageError, lambda folder: EventLog(folder / "feed.jsonl", FEED)),
-    ("feed.jsonl", StorageError, lambda folder: EventLog.read(folder / "feed.jsonl", FEED)),
-    ("feed.jsonl", StorageError, lambda folder: LogReader(folder / "feed.jsonl").read()),
-    ("feed.jsonl", StorageError, lambda folder: Feed(PaintingFolder(folder))),
-]
-
-
-def content_of(folder: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-
-
-@pytest.mark.parametrize(("name", "error", "read"), FIRST)
-def test_what_0_1_wrote_is_refused_in_one_sentence_that_names_the_version_to_use(
-    tmp_path: Path, name: str, error: type[FridaError], read: Callable[[Path], object]
-) -> None:
-    folder = Path(shutil.copytree(OLDER / "first", tmp_path / "painting"))
-    before = content_of(folder)
-    assert name in before
-    with pytest.raises(error) as refused:
-        read(folder)
-    said = str(refused.value)
-    assert re.search(r"0\.1, .*use version 0\.2\.0 \(commit 1499ab8\)", said) and "\n" not in said
-    assert content_of(folder) == before, "nothing is lost"
-
-
-def test_the_studio_shows_a_painting_of_0_1_with_that_sentence(tmp_path: Path) -> None:
-    folder = PaintingFolder(Path(shutil.copytree(OLDER / "first", tmp_path / "painting")))
-    states = FeedStates()
-    for _ in range(2):
-        assert "use version 0.2.0" in states.current(folder, PaintingState)["trouble"]

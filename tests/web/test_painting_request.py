@@ -101,7 +101,7 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
         ({"minutes": 0}, "greater"),
         ({"minutes": float("nan")}, "finite"),
         ({"width": 1900, "height": 70}, "too narrow"),
-        ({"brush": "/dev/sda"}, "fine"),
+        ({"brushes": "/dev/sda"}, "fine"),
         ({"title": "a\nb"}, "cannot be printed"),
         ({"address": "http://evil"}, "Extra"),
     ],

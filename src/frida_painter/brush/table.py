@@ -23,7 +23,7 @@ from torch import Tensor, nn
 
 from frida_painter import tensor_file
 from frida_painter.brush.kinds import CoverageSpread, StrokeModel, spread_of
-from frida_painter.compiled import array, compiles_for
+from frida_painter.devices import array, compiles_for
 from frida_painter.errors import StorageError
 from frida_painter.frames import MapFrame
 from frida_painter.stroke_family import CODE_REACH

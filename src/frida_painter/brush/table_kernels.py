@@ -7,7 +7,7 @@ reordered, but NaN keeps its meaning.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float32, int64, njit, types
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[Any]
@@ -227,14 +227,3 @@ def _squash(line, bits, beyond):  # type: ignore[no-untyped-def]
         m = stretch / (_ONE + line[k] * power[k]) - beyond
         m = np.float32(0) if m < np.float32(0) else m
         line[k] = _ONE if m > _ONE else m
-
-
-def argument_types():  # type: ignore[no-untyped-def]
-    """Returns the loops with their argument types for plans in float32; see compiled.py."""
-    table, index = float32[:, ::1], int64[:, ::1]
-    buffers = (float32[:, :, :, :, ::1], float32[:, :, ::1], table, int64[::1], index, index, index, index, float32)
-    spans, arrays = types.UniTuple(int64, 3), types.NamedTuple(buffers, TableArrays)  # type: ignore[no-untyped-call]
-    return (
-        (look_up, (table, spans, arrays, table, float32[:, :, ::1])),
-        (pull_back, (table, spans, arrays, table, table, table)),
-    )

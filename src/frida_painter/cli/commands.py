@@ -66,102 +66,80 @@ class _DeferredCommand(TyperCommand):
         return self._entry.load().make_context(info_name, args, parent, **extra)
 
 
-_CLI = "frida_painter.cli"
-
-COMMANDS = (
-    Deferred(
-        "paint",
-        f"{_CLI}.painting",
-        "Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.",
-    ),
-    Deferred(
-        "plan",
-        f"{_CLI}.painting",
-        "Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix.",
-    ),
-    Deferred(
-        "render", f"{_CLI}.painting", "Render a plan as a picture of any size, with the stroke models of its brushes."
-    ),
-    Deferred("resume", f"{_CLI}.painting", "Continue a painting that was stopped, paused or killed, from its folder."),
-    Deferred(
-        "look", f"{_CLI}.painting", "Give a picture of the canvas to a painting without a camera. It counts as a look."
-    ),
-    Deferred("export", f"{_CLI}.plans", "Export the strokes of a plan as SVG, G-code or CSV, in millimetres."),
-    Deferred(
-        "setup",
-        "frida_painter_calibration.commands.setup",
-        "Set up a machine: find its port, guide its tip to the canvas, the wells and the lightest touch, and test it.",
-    ),
-    Deferred(
-        "calibrate",
-        "frida_painter_calibration.commands.calibrate",
-        "Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.",
-    ),
-    Deferred(
-        "doctor",
-        "frida_painter_calibration.commands.calibrate",
-        "Show what the robot's controller tells, the state of the calibration, and the parts there are.",
-    ),
-    Deferred(
-        "parts",
-        "frida_painter_calibration.commands.calibrate",
-        "Try every part that a package registers, as the program would use it, and say what is wrong with each.",
-    ),
-    Deferred(
-        "arm",
-        "frida_painter_calibration.commands.calibrate",
-        "Allow a robot to move again after a stop. Look at the robot first.",
-    ),
-    Deferred(
-        "check",
-        f"{_CLI}.plans",
-        "Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.",
-    ),
-    Deferred("trace", f"{_CLI}.plans", "Trace the outline of the canvas and of a plan in the air, without paint."),
-    Deferred(
-        "mix",
-        f"{_CLI}.plans",
-        "Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.",
-    ),
-    Deferred(
-        "studio",
-        "frida_painter_studio.studio_command",
-        "Open the studio, a web page on which you set the goal, see the plan and paint together with the robot.",
-    ),
-    Deferred(
-        "workspace",
-        f"{_CLI}.plans",
-        "Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",
-    ),
-    Deferred(
-        "teach",
-        "frida_painter_calibration.commands.teach",
-        "Teach a stroke: ten or more marks of one kind become a family of strokes for the planner.",
-    ),
-    Deferred("strokes", f"{_CLI}.commands", "Collect a library of strokes, and train and test stroke models on it."),
-    Deferred(
-        "models", f"{_CLI}.models", "Download the networks for text, styles and sketches, and show which are here."
-    ),
-)
+_CALIBRATION = "frida_painter_calibration.commands"
+_LISTED = {
+    "frida_painter.cli.painting": {
+        "paint": "Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the "
+        "rest.",
+        "plan": "Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix.",
+        "render": "Render a plan as a picture of any size, with the stroke models of its brushes.",
+        "resume": "Continue a painting that was stopped, paused or killed, from its folder.",
+        "look": "Give a picture of the canvas to a painting without a camera. It counts as a look.",
+    },
+    "frida_painter.cli.plans": {
+        "export": "Export the strokes of a plan as SVG, G-code or CSV, in millimetres.",
+        "check": "Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.",
+        "trace": "Trace the outline of the canvas and of a plan in the air, without paint.",
+        "mix": "Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.",
+        "workspace": "Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",
+    },
+    f"{_CALIBRATION}.setup": {
+        "setup": "Set up a machine: find its port, guide its tip to the canvas, the wells and the lightest touch, and "
+        "test it."
+    },
+    f"{_CALIBRATION}.calibrate": {
+        "calibrate": "Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and "
+        "its strokes.",
+        "doctor": "Show what the robot's controller tells, the state of the calibration, and the parts there are.",
+        "parts": "Try every part that a package registers, as the program would use it, and say what is wrong with "
+        "each.",
+        "arm": "Allow a robot to move again after a stop. Look at the robot first.",
+    },
+    "frida_painter_studio.studio_command": {
+        "studio": "Open the studio, a web page on which you set the goal, see the plan and paint together with the "
+        "robot."
+    },
+    f"{_CALIBRATION}.teach": {
+        "teach": "Teach a stroke: ten or more marks of one kind become a family of strokes for the planner."
+    },
+    "frida_painter.cli.commands": {"strokes": "Collect a library of strokes, and train and test stroke models on it."},
+    "frida_painter.cli.models": {
+        "models": "Download the networks for text, styles and sketches, and show which are here."
+    },
+}
+COMMANDS = tuple(Deferred(name, module, text) for module, listed in _LISTED.items() for name, text in listed.items())
 """Commands of the project's core. Other packages add theirs through entry points."""
+STROKE_COMMANDS = tuple(
+    Deferred(name, f"{_CALIBRATION}.strokes", text)
+    for name, text in {
+        "paint": "Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a "
+        "library.",
+        "inspect": "Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes.",
+        "train": "Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.",
+        "evaluate": "Measure the error of a stroke model on strokes that were really painted.",
+    }.items()
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the group of commands for stroke models."""
+    group = typer.Typer(no_args_is_help=True, help=_LISTED[__name__]["strokes"], cls=group_of(STROKE_COMMANDS))
+    app.add_typer(group, name="strokes")
+
+
+def _find_command(name: str) -> Deferred | None:
+    """Returns a command of the core or of an entry point; None if it cannot be loaded (`doctor` shows the reason)."""
+    added = registry.parts(registry.COMMANDS)
+    with suppress(PluginError):
+        own = next((entry for entry in COMMANDS if entry.name == name), None)
+        return own or (added[name].load(Deferred) if name in added else None)
+    return None
 
 
 def all_commands() -> tuple[Deferred, ...]:
     """Returns all commands in list order, without those of other packages that cannot be loaded."""
-    return (*COMMANDS, *filter(None, map(_added, _names_added())))
-
-
-def _names_added() -> list[str]:
-    """Returns the names of the commands that entry points add to those of the core; imports nothing."""
-    known = {entry.name for entry in COMMANDS}
-    return [name for name in registry.parts(registry.COMMANDS) if name not in known]
-
-
-def _added(name: str) -> Deferred | None:
-    """Returns a command of an entry point; None if it cannot be loaded (`doctor` shows the reason)."""
-    with suppress(PluginError):
-        return registry.parts(registry.COMMANDS)[name].load(Deferred)
-    return None
+    names = dict.fromkeys((*(entry.name for entry in COMMANDS), *registry.parts(registry.COMMANDS)))
+    return tuple(filter(None, map(_find_command, names)))
 
 
 class _AllCommands(TyperGroup):
@@ -171,14 +149,14 @@ class _AllCommands(TyperGroup):
         return [entry.name for entry in all_commands()]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        own = {entry.name: entry for entry in COMMANDS}
-        entry = own.get(cmd_name) or (_added(cmd_name) if cmd_name in _names_added() else None)
+        entry = _find_command(cmd_name)
         return None if entry is None else _DeferredCommand(entry)
 
 
 # Command line: builds the app, runs it and reports errors.
 
 _PAUSED = 3
+_MAX_SAID = 2000  # characters
 # The class of all usage errors is private in Typer; this is a base class of a public one.
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
@@ -198,9 +176,6 @@ def build() -> typer.Typer:
     )
 
 
-_MAX_SAID = 2000  # characters
-
-
 def main() -> None:
     """Runs the command line.
 
@@ -213,9 +188,12 @@ def main() -> None:
         raise KeyboardInterrupt from abort
     except FridaError as error:
         _complain(str(error))
-        status = _status(error)
+        asked = isinstance(error, RobotStopped) and error.asked
+        status = 128 + signal.SIGINT if asked else _PAUSED if isinstance(error, PaintingPaused) else 2
     except _UsageError as error:
-        _complain(_advice(error))
+        told = error.format_message().strip().rstrip(".")  # type: ignore[attr-defined]
+        where = error.ctx.command_path if error.ctx else "frida-painter"  # type: ignore[attr-defined]
+        _complain(f"{told}; `{where} --help` tells what can be given." if told else "")  # "": the help was just shown
         status = 2
     except BrokenPipeError:  # the reader of the output has closed it
         leave_terminal((1,))
@@ -231,67 +209,12 @@ def main() -> None:
     sys.exit(status)
 
 
-def _status(error: FridaError) -> int:
-    if isinstance(error, RobotStopped) and error.asked:
-        return 128 + signal.SIGINT
-    return _PAUSED if isinstance(error, PaintingPaused) else 2
-
-
 def _complain(message: str) -> None:
+    """Prints a message without control characters, which file names may hold, and without rich's markup."""
     if len(message) > _MAX_SAID:  # a file said something long
         message = f"{message[: _MAX_SAID - 300]} ... {message[-300:]}"
+    plain = "".join(sign if sign.isprintable() or sign == "\n" else "\N{REPLACEMENT CHARACTER}" for sign in message)
+    plain = plain.replace("[", r"\[")
     if message:
-        Console(stderr=True, highlight=False, soft_wrap=True).print(f"[bold red]frida-painter:[/] {_plain(message)}")
-
-
-def _advice(error: Any) -> str:
-    """Returns a message about a wrong command, with its help command; "" if the help was just shown."""
-    message = error.format_message().strip().rstrip(".")
-    if not message:
-        return ""
-    return f"{message}; `{error.ctx.command_path if error.ctx else 'frida-painter'} --help` tells what can be given."
-
-
-def _plain(message: str) -> str:
-    """Returns a message without control characters, which file names may hold, and without rich's markup."""
-    printable = "".join(
-        character if character.isprintable() or character == "\n" else "\N{REPLACEMENT CHARACTER}"
-        for character in message
-    )
-    return printable.replace("[", r"\[")
-
-
-# Commands for stroke models: strokes paint, inspect, train, evaluate.
-
-STROKE_COMMANDS = (
-    Deferred(
-        "paint",
-        "frida_painter_calibration.commands.strokes",
-        "Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a library.",
-    ),
-    Deferred(
-        "inspect",
-        "frida_painter_calibration.commands.strokes",
-        "Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes.",
-    ),
-    Deferred(
-        "train",
-        "frida_painter_calibration.commands.strokes",
-        "Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.",
-    ),
-    Deferred(
-        "evaluate",
-        "frida_painter_calibration.commands.strokes",
-        "Measure the error of a stroke model on strokes that were really painted.",
-    ),
-)
-
-
-def register(app: typer.Typer) -> None:
-    """Adds the group of commands."""
-    group = typer.Typer(
-        no_args_is_help=True,
-        help="Collect a library of strokes, and train and test stroke models on it.",
-        cls=group_of(STROKE_COMMANDS),
-    )
-    app.add_typer(group, name="strokes")
+        console = Console(stderr=True, highlight=False, soft_wrap=True)
+        console.print(f"[bold red]frida-painter:[/] {plain}")

@@ -30,40 +30,19 @@ _WITHOUT = "go on without it by --beginning scene, or --beginning colors with a 
 def imagining_options() -> dict[str, Any]:
     """Returns the annotations of the options by name; each is None if it is not given."""
     makers = ", ".join(registry.parts(registry.PICTURE_MAKERS))
-    return {
-        "imagine": Annotated[
-            str | None,
-            typer.Option(
-                "--imagine",
-                metavar="NAME:TEXT",
-                help="Make a picture from the words first, and paint that: of --init-text if it is given, else of "
-                f"--text. Makers: {makers}; for example diffusers:FOLDER, command:PROGRAM, http:URL. "
-                "[dim]diffusers, if `models fetch imagine` got it, for words without --beginning[/]",
-                rich_help_panel=_PANEL,
-            ),
-        ],
-        "imagine_pictures": Annotated[
-            int | None,
-            typer.Option(
-                "--imagine-pictures",
-                parser=whole_number_within(1, _MAX_PICTURES),
-                metavar="N",
-                help=f"Number of pictures that are made, each with a seed of its own, to choose from. "
-                f"[dim]{_USUAL_PICTURES}[/]",
-                rich_help_panel=_PANEL,
-            ),
-        ],
-        "imagine_minutes": Annotated[
-            float | None,
-            typer.Option(
-                "--imagine-minutes",
-                parser=number_within(0, _MAX_MINUTES),
-                metavar="X",
-                help=f"Minutes that --imagine may take for all its pictures. [dim]{_USUAL_MINUTES}[/]",
-                rich_help_panel=_PANEL,
-            ),
-        ],
-    }
+    made_from = (
+        "Make a picture from the words first, and paint that: of --init-text if it is given, else of --text. Makers: "
+        f"{makers}; for example diffusers:FOLDER, command:PROGRAM, http:URL. [dim]diffusers, if `models fetch imagine` "
+        "got it, for words without --beginning[/]"
+    )
+    number = f"Number of pictures that are made, each with a seed of its own, to choose from. [dim]{_USUAL_PICTURES}[/]"
+    minutes = f"Minutes that --imagine may take for all its pictures. [dim]{_USUAL_MINUTES}[/]"
+    count, time = whole_number_within(1, _MAX_PICTURES), number_within(0, _MAX_MINUTES)
+    named = typer.Option(metavar="NAME:TEXT", help=made_from, rich_help_panel=_PANEL)
+    counted = typer.Option(parser=count, metavar="N", help=number, rich_help_panel=_PANEL)
+    timed = typer.Option(parser=time, metavar="X", help=minutes, rich_help_panel=_PANEL)
+    types = (Annotated[str | None, named], Annotated[int | None, counted], Annotated[float | None, timed])
+    return dict(zip(IMAGINING, types, strict=True))
 
 
 IMAGINING = ("imagine", "imagine_pictures", "imagine_minutes")
@@ -78,9 +57,8 @@ def usual_maker(spec: "RunSpec") -> str | None:
     kinds = {item.kind for item in spec.goal}
     free = spec.beginning == "auto" and spec.pictures is None
     free = free and all(item.kind == "text" for item in spec.initial)
-    return (
-        "diffusers" if free and {"text"} <= kinds <= {"text", "style"} and registry.are_here(registry.IMAGINE) else None
-    )
+    is_wanted = free and {"text"} <= kinds <= {"text", "style"} and registry.are_here(registry.IMAGINE)
+    return "diffusers" if is_wanted else None
 
 
 def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool, paints: bool) -> "RunSpec":

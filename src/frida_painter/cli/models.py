@@ -43,13 +43,11 @@ def show(cache: Cache = None) -> None:
     from frida_painter import weights
 
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, collapse_padding=True)
-    for title, style in (("Name", "bold"), ("What for", ""), ("Size", ""), ("Licence", ""), ("Here", "")):
-        table.add_column(
-            title,
-            style=style,
-            no_wrap=title in ("Name", "Size", "Here"),
-            justify="right" if title == "Size" else "left",
-        )
+    table.add_column("Name", style="bold", no_wrap=True)
+    table.add_column("What for")
+    table.add_column("Size", no_wrap=True, justify="right")
+    table.add_column("Licence")
+    table.add_column("Here", no_wrap=True)
     for entry in weights.all_weights():
         try:
             standing = "[green]yes[/]" if weights.find(entry.name, cache) is not None else "[dim]no[/]"
@@ -59,9 +57,9 @@ def show(cache: Cache = None) -> None:
     console = Console(highlight=False)
     console.print(table)
     folder = weights.cache_folder(cache)
-    console.print(f"\nThey are kept in {escape(str(folder))}.", soft_wrap=True)
     console.print(
-        "`frida-painter models fetch NAME` gets one, `models fetch words` what words need; nothing is fetched unasked.",
+        f"\nThey are kept in {escape(str(folder))}.\n`frida-painter models fetch NAME` gets one, `models fetch words` "
+        "what words need; nothing is fetched unasked.",
         soft_wrap=True,
     )
 
@@ -100,9 +98,7 @@ def fetch(
     missing, tell = [], partial(typer.echo, err=True)
     for entry in wanted:
         try:
-            folder = weights.fetch(
-                entry.name, cache, offline=offline, origin=origin, tell=partial(typer.echo, err=True)
-            )
+            folder = weights.fetch(entry.name, cache, offline=offline, origin=origin, tell=tell)
         except WeightsError as error:
             if len(wanted) == 1:
                 raise

@@ -4,6 +4,7 @@ import inspect
 import select
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
@@ -20,11 +21,10 @@ from rich.table import Table
 
 from frida_painter.cli.imagining import IMAGINING, imagining_options
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
-from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
+from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.options import any_number, camera_name, out_folder, whole_number
 from frida_painter.registry import Later
-from frida_painter.runs.settings import OF_PAINTINGS, OF_PLANS, GoalSettings, SettingSection, about, help_of, usual_of
-from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.spec import OF_PLANS, GoalSettings, RunSpec, SettingSection, about, help_of, usual_of
 
 if TYPE_CHECKING:
     from frida_painter.palette import Palette
@@ -33,29 +33,34 @@ if TYPE_CHECKING:
 # Options of goals: one for each kind of goal.
 
 _PANEL = GoalSettings.panel
-_PHOTO = "image"  # kind of the goal PHOTO
-
-GoalFile = Annotated[
-    Path | None,
-    typer.Option("--goal", metavar="FILE", help="A TOML file with goals and their weights.", rich_help_panel=_PANEL),
-]
+_IMAGE = "image"  # kind of the goal PHOTO
 
 
-def goal_options() -> list[inspect.Parameter]:
+def goal_options() -> list[Parameter]:
     """Returns the goal options as keyword parameters for Typer, in the order of the help.
 
     Each kind NAME has values and weights, NAME and NAME_weight. Then follow goals of the start, init_NAME, then
     goal (a file). `read_goal_options` reads them.
     """
-    kinds = list(goal_kinds().by_name.values())
-    options = [parameter for kind in kinds for parameter in _options(kind)]
-    options += [_repeat_option(f"init_{kind.name}", kind, kind.initial_help) for kind in kinds if kind.initial_help]
-    return [*options, _keyword("goal", GoalFile)]
-
-
-def free_goal_options(taken: Collection[str]) -> list[inspect.Parameter]:
-    """Returns the goal options whose names a command has not `taken`."""
-    return [option for option in goal_options() if option.name not in taken]
+    kinds, options = list(goal_kinds().by_name.values()), []
+    named = [(kind.name, kind, kind.help) for kind in kinds]
+    for name, kind, text in [*named, *((f"init_{one.name}", one, one.initial_help) for one in kinds)]:
+        if text:
+            typed: Any = str if kind.gives is Gives.WORDS else Path
+            told: dict[str, Any] = {
+                "metavar": kind.gives.value,
+                "help": f"{text} May be repeated.",
+                "rich_help_panel": _PANEL,
+            }
+            options.append(_keyword(name, Annotated[list[typed] | None, typer.Option(**told)]))
+        if name == kind.name:
+            text = f"The weight of each {kind.option}, in the same order. [dim]1[/]"
+            weight = typer.Option(parser=any_number, metavar="X", help=text, rich_help_panel=_PANEL)
+            options.append(_keyword(f"{name}_weight", Annotated[list[float] | None, weight]))
+    file = typer.Option(
+        "--goal", metavar="FILE", help="A TOML file with goals and their weights.", rich_help_panel=_PANEL
+    )
+    return [*options, _keyword("goal", Annotated[Path | None, file])]
 
 
 def read_goal_options(photo: Path | None, given: Mapping[str, Any]) -> dict[str, list[Any]]:
@@ -65,52 +70,29 @@ def read_goal_options(photo: Path | None, given: Mapping[str, Any]) -> dict[str,
     """
     from frida_painter.runs.goal_item import read_goal_file
 
-    kinds = goal_kinds().by_name.values()
-    goal = [item for kind in kinds for item in _items(kind, photo if kind.name == _PHOTO else None, given)]
-    initial = [{kind.name: str(value)} for kind in kinds for value in given.get(f"init_{kind.name}") or []]
+    read: dict[str, list[Any]] = {"goal": [], "initial": []}
+    for kind in goal_kinds().by_name.values():
+        first = [] if photo is None or kind.name != _IMAGE else [photo]
+        values = [*first, *(given.get(kind.name) or [])]
+        weights = given.get(f"{kind.name}_weight") or [1.0] * len(values)
+        if len(weights) != len(values):
+            raise ConfigError(
+                f"{kind.option}-weight was given {len(weights)} times for {len(values)} goals"
+                f"{', PHOTO among them' if first else ''}; give one weight for each, or none at all."
+            )
+        pairs = zip(values, weights, strict=True)
+        read["goal"] += [{kind.name: str(value), "weight": float(weight)} for value, weight in pairs]
+        read["initial"] += [{kind.name: str(value)} for value in given.get(f"init_{kind.name}") or []]
     filed = {} if given.get("goal") is None else read_goal_file(given["goal"])
-    return {"goal": goal + filed.get("goal", []), "initial": initial + filed.get("initial", [])}
-
-
-def _items(kind: GoalKind, photo: Path | None, given: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Returns the values of a kind's option, each with its weight."""
-    values = [*([] if photo is None else [photo]), *(given.get(kind.name) or [])]
-    weights = given.get(f"{kind.name}_weight") or [1.0] * len(values)
-    if len(weights) != len(values):
-        photo_too = ", PHOTO among them" if photo is not None else ""
-        raise ConfigError(
-            f"{kind.option}-weight was given {len(weights)} times for {len(values)} goals{photo_too}; "
-            "give one weight for each, or none at all."
-        )
-    return [{kind.name: str(value), "weight": float(weight)} for value, weight in zip(values, weights, strict=True)]
+    return {name: items + filed.get(name, []) for name, items in read.items()}
 
 
 def tell_left_out(taken: Collection[str]) -> None:
     """Prints to stderr which kinds of goals of other packages cannot be used or have no option, and why."""
-    for complaint in goal_kinds().complaints:
+    doubles = [option.name for option in goal_options() if option.name in taken]
+    sentence = "--{} is another option already; give that kind of goal in a file, with --goal."
+    for complaint in (*goal_kinds().complaints, *map(sentence.format, doubles)):
         print(complaint, file=sys.stderr)
-    for option in goal_options():
-        if option.name in taken:
-            said = f"--{option.name} is another option already; give that kind of goal in a file, with --goal."
-            print(said, file=sys.stderr)
-
-
-def _options(kind: GoalKind) -> list[inspect.Parameter]:
-    """Returns the options of a kind's values and weights."""
-    text = f"The weight of each {kind.option}, in the same order. [dim]1[/]"
-    weight = typer.Option(parser=any_number, metavar="X", help=text, rich_help_panel=_PANEL)
-    return [
-        _repeat_option(kind.name, kind, kind.help),
-        _keyword(f"{kind.name}_weight", Annotated[list[float] | None, weight]),
-    ]
-
-
-def _repeat_option(name: str, kind: GoalKind, text: str) -> inspect.Parameter:
-    """Returns an option that may be given more than once."""
-    option = typer.Option(metavar=kind.gives.value, help=f"{text} May be repeated.", rich_help_panel=_PANEL)
-    if kind.gives is Gives.WORDS:
-        return _keyword(name, Annotated[list[str] | None, option])
-    return _keyword(name, Annotated[list[Path] | None, option])
 
 
 # Wells before painting: a person sees the paints to mix, confirms them, and may enter the mixed ones.
@@ -123,8 +105,7 @@ AskOption = Annotated[
 ]
 
 FilledOption = Annotated[
-    bool,
-    typer.Option("--yes", "-y", help="Do not ask whether the wells of a real robot are filled. For scripts."),
+    bool, typer.Option("--yes", "-y", help="Do not ask whether the wells of a real robot are filled. For scripts.")
 ]
 
 
@@ -175,28 +156,20 @@ class Wells:
         from frida_painter.plan import Plan
         from frida_painter.report.sheets import sheet_file
 
-        try:
+        layers: list[int] = []
+        with suppress(PlanError):
             fillings = Plan.load(self.folder).by_wells()
-        except PlanError:
-            fillings = []
-        layers = (layer for layer, part in fillings if torch.equal(part.palette.color, wanted.color))
-        return sheet_file("palette.png", next(layers, 1))
+            layers = [layer for layer, part in fillings if torch.equal(part.palette.color, wanted.color)]
+        return sheet_file("palette.png", [*layers, 1][0])
 
 
 TAKEN = frozenset(RunSpec.model_fields) - {"goal"} | {
-    "photo",
-    "settings",
-    "out",
-    "ask",
-    "yes",
-    "candidates",
-    "brush",
-    "help_all",
+    *("photo", "settings", "out", "ask", "yes", "candidates", "brush", "help_all"),
     *IMAGINING,
 }
 """Names of options that no kind of goal can have."""
 _FILES = "Where the painting goes"
-_WITHOUT_OPTION = ("version", "title", "goal", "initial")
+_WITHOUT_OPTION = ("title", "goal", "initial")
 
 Photo = Annotated[
     Path | None,
@@ -227,27 +200,17 @@ Out = Annotated[
 def planning_options(sections: Iterable[type[SettingSection]] = OF_PLANS) -> list[Parameter]:
     """Returns the options of a plan, with those of the settings in these sections."""
     return [
-        *free_goal_options(TAKEN),
+        *(option for option in goal_options() if option.name not in TAKEN),
         *(_keyword(name, option) for name, option in imagining_options().items()),
-        *_settings(sections),
+        *(
+            _keyword(name, _option(field, section.panel, camera_name if name == "camera" else None))
+            for section in sections
+            for name, field in section.model_fields.items()
+            if name not in _WITHOUT_OPTION
+        ),
         _keyword("settings", SettingsFile),
         _keyword("out", Out),
         _keyword("help_all", HelpAll, False),
-    ]
-
-
-def painting_options() -> list[Parameter]:
-    """Returns the options of a painting: those of a plan, and those of the easel and the painting process."""
-    return planning_options(OF_PAINTINGS)
-
-
-def _settings(sections: Iterable[type[SettingSection]]) -> list[Parameter]:
-    """Returns an option for each setting of these sections; without it, the setting has its own default."""
-    return [
-        _keyword(name, _option(field, section.panel, camera_name if name == "camera" else None))
-        for section in sections
-        for name, field in section.model_fields.items()
-        if name not in _WITHOUT_OPTION
     ]
 
 
@@ -271,11 +234,7 @@ def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
 
     Raises ConfigError.
     """
-    said = {
-        name: value
-        for name, value in given.items()
-        if name in RunSpec.model_fields and value is not None and name != "goal"
-    }
+    said = {name: value for name in RunSpec.model_fields if (value := given.get(name)) is not None and name != "goal"}
     asked = read_goal_options(photo, given)
     if asked["goal"] or given["settings"] is None:
         said |= asked
@@ -295,15 +254,12 @@ def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:
 def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None) -> Any:
     """Returns the command-line option of a setting, under a heading; `parser` reads its text."""
     more, kind = about(field), field.annotation
+    parsers = {int: (whole_number, "N"), float: (any_number, "X"), bool: (None, None)}
+    typed: Any = next((one for one in parsers if kind in (one, one | None)), str)
+    parse, value = parsers.get(typed, (parser, "|".join(map(str, get_args(kind)))))
     told: dict[str, Any] = {"rich_help_panel": heading, "help": f"{help_of(field)} [dim]{usual_of(field)}[/]"}
-    if kind in (int, int | None):
-        return Annotated[int | None, typer.Option(parser=whole_number, metavar=more["value"] or "N", **told)]
-    if kind in (float, float | None):
-        return Annotated[float | None, typer.Option(parser=any_number, metavar=more["value"] or "X", **told)]
-    if kind in (bool, bool | None):
-        return Annotated[bool | None, typer.Option(**told)]
-    metavar = more["value"] or "|".join(map(str, get_args(kind)))
-    return Annotated[str | None, typer.Option(*more["names"], metavar=metavar, parser=parser, **told)]
+    told |= {"parser": parse, "metavar": (more["value"] or value) if typed is not bool else None}
+    return Annotated[typed | None, typer.Option(*more["names"], **told)]
 
 
 # Help of a command with many options: one screen of those that people use, and all of them with --help-all.
@@ -371,8 +327,7 @@ def _show_all(ctx: typer.Context, asked: bool) -> None:
 
 
 HelpAll = Annotated[
-    bool,
-    typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show every option, with its whole help."),
+    bool, typer.Option("--help-all", is_eager=True, callback=_show_all, help="Show every option, with its whole help.")
 ]
 
 

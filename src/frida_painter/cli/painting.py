@@ -18,7 +18,6 @@ from frida_painter.cli.options import (
     FilledOption,
     Photo,
     ProposeOption,
-    painting_options,
     planning_options,
     require_person,
     require_proposer,
@@ -26,10 +25,10 @@ from frida_painter.cli.options import (
     taking,
     tell_left_out,
 )
-from frida_painter.compiled import LoopCompiler
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import ConfigError
 from frida_painter.options import PaceOption, PictureOut, PlanFile, whole_number_within
+from frida_painter.runs.spec import OF_PAINTINGS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -78,9 +77,8 @@ def paint(
     _require_canvas_for_two(spec, candidates, asked=not yes)
     require_proposer(propose, together=spec.together)
     spec = imagine_beginning(spec, given, asked=not yes, paints=True)
-    with LoopCompiler():
-        spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
-        _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask, propose=propose)
+    spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
+    _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask, propose=propose)
 
 
 def _paint(
@@ -136,8 +134,7 @@ def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
 def plan(*, photo: Photo = None, **given: Any) -> None:
     """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
     spec = imagine_beginning(spec_of(photo, given), given, asked=True, paints=False)
-    with LoopCompiler():
-        _plan(spec, given["out"])
+    _plan(spec, given["out"])
 
 
 def _plan(spec: "RunSpec", out: Path | None) -> None:
@@ -257,7 +254,6 @@ def resume(
     started = time.monotonic()
     prepare_process()
     with ExitStack() as stack:
-        stack.enter_context(LoopCompiler())
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
         require_person(run.spec, asked=not yes)
         require_proposer(propose, together=run.spec.together)
@@ -359,7 +355,7 @@ def _show(run: "PaintingRun") -> None:
 def register(app: typer.Typer) -> None:
     """Adds the commands; prints which kinds of goals of other packages cannot be used."""
     tell_left_out(TAKEN)
-    app.command("paint", cls=BriefCommand)(taking(painting_options(), paint))
+    app.command("paint", cls=BriefCommand)(taking(planning_options(OF_PAINTINGS), paint))
     app.command("plan", cls=BriefCommand)(taking(planning_options(), plan))
     app.command("render")(render)
     app.command("resume")(resume)

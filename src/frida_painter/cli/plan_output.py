@@ -1,7 +1,6 @@
 """Work of `export` and `check`: writes plans for other programs, and checks if a plan can be painted."""
 
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -22,21 +21,13 @@ from frida_painter.export.gcode import gcode
 from frida_painter.export.vector import plan_widths, svg, table
 from frida_painter.exporter import ExporterKind, ExportOptions
 from frida_painter.hardware.gcode import Gcode, read_own
-from frida_painter.hardware.robot import (
-    Examination,
-    LooseRobot,
-    Reach,
-    Robot,
-    TimedRobot,
-    Waypoints,
-    Workspace,
-)
+from frida_painter.hardware.robot import Examination, LooseRobot, Reach, TimedRobot, Waypoints, Workspace
 from frida_painter.hardware.timing import AxisTiming, Timing, TravelLimits
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.plan import Plan
 from frida_painter.render.painting import render_plan
 from frida_painter.report.sheets import offending_strokes
-from frida_painter.runs.painting_folder import camera_of, drying_of
+from frida_painter.runs.painting_folder import spec_beside
 from frida_painter.session.choreography import Action, BrushLoad, Choreography, reckon
 from frida_painter.session.events import DRYING, Dipped, StrokePainted, Timetable
 from frida_painter.session.hand import choreography_at
@@ -52,7 +43,11 @@ from frida_painter.storage import count_of
 def _make_svg(plan: Plan, options: ExportOptions) -> str:
     """Returns the plan as an SVG with a layer per paint; with `dips`, a pause at each dip of the brush."""
     widths = plan_widths(plan, load_models_of(plan))
-    marks = set(_find_dips(_actions(plan, FlatbedWorkspace()))) if options.dips else set()
+    marks = set()
+    if options.dips:
+        for before, action in pairwise(_actions(plan, FlatbedWorkspace())):
+            if isinstance(before.done, Dipped) and isinstance(action.done, StrokePainted):
+                marks.add(action.done.done - 1)
     return svg(plan, widths, keep_order=not options.regroup, dips=marks)
 
 
@@ -67,7 +62,7 @@ def _make_gcode(plan: Plan, options: ExportOptions) -> str:
     dialect, press, lift = options.flavour or DIALECTS[0], options.press, options.lift
     if dialect not in DIALECTS:
         raise ConfigError(f"--flavour was given {dialect[:40]!r}; it is one of {', '.join(DIALECTS)}.")
-    settled = DRYING if options.source is None else drying_of(options.source)
+    settled = DRYING if options.source is None else 60 * spec_beside(options.source).drying
     dries = settled if options.drying is None else 60 * options.drying
     if options.workspace is None and options.calibration is None:
         flatbed = FlatbedWorkspace(
@@ -132,13 +127,6 @@ def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:
     return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
 
 
-def _find_dips(actions: list[Action]) -> Iterator[int]:
-    """Yields the indices of strokes that follow a dip."""
-    for before, action in pairwise(actions):
-        if isinstance(before.done, Dipped) and isinstance(action.done, StrokePainted):
-            yield action.done.done - 1
-
-
 _TOLD = 12  # faults; the picture shows all
 _ROWS = 900
 _SOME_CAMERA = "opencv:0"  # a person's easel needs one; nothing is photographed here
@@ -156,7 +144,8 @@ def check_plan(
     loaded = Plan.load(plan)
     there = _place(loaded, robot, workspace)
     place = there.workspace
-    camera = camera or camera_of(plan)
+    settings = spec_beside(plan)
+    camera = camera or settings.camera
     known = _load_record(calibration, there.calibration, camera)
     if camera == NO_CAMERA:
         print(NOBODY_LOOKS)
@@ -167,7 +156,7 @@ def check_plan(
             f"{count_of(len(loaded), 'stroke')} in {count_of(len(loaded.palette), 'paint')}: all of it can be painted."
         )
         choreography = choreography_at(place, known, loaded.brushes, simulated=there.simulated)
-        _tell_time(reckon(loaded, choreography, BrushLoad(), timing=there.timing, drying=drying_of(plan)))
+        _tell_time(reckon(loaded, choreography, BrushLoad(), timing=there.timing, drying=60 * settings.drying))
         for name in loaded.brushes:
             print(f"The {name} brush is dipped again after {choreography.with_brush(name).brush.dip}.")
         return True
@@ -195,30 +184,16 @@ class _Place:
     refusals: tuple[str, ...] = ()
 
 
-def _examine(robot: str, workspace: Workspace) -> Examination | None:
-    """Returns what the controller of a real robot tells, and prints its warnings; None if it cannot be asked."""
-    try:
-        found = examine_robot(robot, workspace)
-    except RobotError as silent:
-        print(f"Its controller could not be asked, so its own limits are not checked: {silent}")
-        return None
-    for fact in () if found is None else found.facts:
-        if fact.weight == "warning":
-            print(f"Warning: {fact.text}")
-    return found
-
-
-def _tell_play(driver: Robot, workcell: WorkcellConfig) -> None:
+def _tell_play(driver: LooseRobot, workcell: WorkcellConfig) -> None:
     """Prints how far the play of a robot's gears lets its tip be off over the canvas."""
-    if isinstance(driver, LooseRobot):
-        size = workcell.canvas
-        corners = np.array([(0, 0), (size.width, 0), (size.width, size.height), (0, size.height)], np.float64)
-        play = driver.play(workcell.workspace.to_robot(corners, np.full(4, workcell.touch_height)))
-        if np.isfinite(play).any():
-            print(
-                f"The play of its gears lets the tip be up to {1000 * np.nanmax(play):.1f} mm off on this canvas; fine "
-                "strokes waver by as much."
-            )
+    size = workcell.canvas
+    corners = np.array([(0, 0), (size.width, 0), (size.width, size.height), (0, size.height)], np.float64)
+    play = driver.play(workcell.workspace.to_robot(corners, np.full(4, workcell.touch_height)))
+    if np.isfinite(play).any():
+        print(
+            f"The play of its gears lets the tip be up to {1000 * np.nanmax(play):.1f} mm off on this canvas; fine "
+            "strokes waver by as much."
+        )
 
 
 def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
@@ -233,8 +208,15 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
             driver = make_robot(robot, workcell.workspace)
             reach = find_reach(workcell, driver)
             timing = driver.timing() if isinstance(driver, TimedRobot) else None
-            _tell_play(driver, workcell)
-            told = _examine(robot, workcell.workspace)
+            if isinstance(driver, LooseRobot):
+                _tell_play(driver, workcell)
+            try:
+                told = examine_robot(robot, workcell.workspace)
+            except RobotError as silent:
+                print(f"Its controller could not be asked, so its own limits are not checked: {silent}")
+            for fact in () if told is None else told.facts:
+                if fact.weight == "warning":
+                    print(f"Warning: {fact.text}")
             timing = timing if told is None or told.timing is None else told.timing
         kind = None if robot is None else easel_kind(robot)
         if kind is not None and kind.reach_from is not None:  # its base is the workspace's origin

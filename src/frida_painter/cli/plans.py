@@ -150,8 +150,7 @@ def export(
         ),
     ] = "svg",
     out: Annotated[
-        Path | None,
-        typer.Option(parser=out_file, metavar="FILE", help="The file to write. [dim]strokes.KIND[/]"),
+        Path | None, typer.Option(parser=out_file, metavar="FILE", help="The file to write. [dim]strokes.KIND[/]")
     ] = None,
     regroup: Annotated[
         bool,

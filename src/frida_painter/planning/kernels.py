@@ -7,9 +7,7 @@ the second, which knows no slopes.
 import math
 
 import numpy as np
-from numba import float32, float64, int8, int32, int64, njit, types
-
-from frida_painter.render.kernels import spans_type
+from numba import njit
 
 # Variables of the optimiser. The numbers of a stroke are its middle x and y, angle, length, bend and thickness, each in
 # its unit from variables.py.
@@ -224,22 +222,3 @@ def _shown(ratio):  # type: ignore[no-untyped-def]
     if linear <= 0.0031308:
         return linear * 12.92
     return 1.055 * linear ** (1 / 2.4) - 0.055
-
-
-def argument_types():  # type: ignore[no-untyped-def]
-    """Returns the loops with the types of their arguments for a plan in float32; see compiled.py."""
-    number, line, table, index = float32, float32[::1], float32[:, ::1], int64[::1]
-    maps, times = float32[:, :, ::1], float64[::1]
-    strokes = (table, line, index, table, line, line, line, line)
-    packed = (index, int32[::1], line, int8[::1])
-    pair, wet = types.UniTuple(float32, 2), types.UniTuple(float64, 3)  # type: ignore[no-untyped-call]
-    return (
-        (to_strokes, strokes),
-        (to_colors, (table, index, table, number)),
-        (pull_to_shape, (*strokes, table)),
-        (pull_to_colors, (table, index, table, number)),
-        (bring_inside, (table, line, pair, pair, number, number)),
-        (step, (line,) * 4 + (number,) * 5),
-        (cover, (maps, maps, maps, spans_type(), int64, float64, *packed)),
-        (lay, (*packed, table, table, times, int64, wet, float64, table, line, table, times)),
-    )

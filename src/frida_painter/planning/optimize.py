@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.brush.kinds import kind_of, mark_width
-from frida_painter.compiled import array, compiles_for
+from frida_painter.devices import array, compiles_for
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.objective import CanvasLoss, Sparing

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.compiled import array, compiles_for
+from frida_painter.devices import array, compiles_for
 from frida_painter.palette import Palette, to_lab
 from frida_painter.stroke_family import Taught
 from frida_painter.strokes import GROUPS, StrokeLimits, Strokes

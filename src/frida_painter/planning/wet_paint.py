@@ -19,7 +19,7 @@ from torch.nn.functional import interpolate
 
 from frida_painter import images
 from frida_painter.calibration import WetPaint
-from frida_painter.compiled import array
+from frida_painter.devices import array
 from frida_painter.errors import PlanError
 from frida_painter.frames import PixelGrid
 from frida_painter.images import to_linear

@@ -12,17 +12,12 @@ __init__.pyi lists the names. Each is loaded at its first use, so that a part ma
 load PyTorch.
 """
 
-import ast
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-_NAMES = {
-    alias.name: str(line.module)
-    for line in ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")).body
-    if isinstance(line, ast.ImportFrom)
-    for alias in line.names
-}
+_LINES = Path(__file__).with_suffix(".pyi").read_text("utf-8").splitlines()
+_NAMES = {words[3]: words[1] for words in map(str.split, _LINES) if words[:1] == ["from"]}
 """Module of each name."""
 __all__ = sorted(_NAMES)
 

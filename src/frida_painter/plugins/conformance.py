@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, registry
-from frida_painter.brush.kinds import BrushModel, FamilyPart, StrokeModel, require_stroke_model
+from frida_painter.brush.kinds import BrushModel, FamilyPart, require_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import EaselKind
 from frida_painter.errors import ConfigError, FridaError, MakingFailed, PluginError
@@ -59,6 +59,7 @@ from frida_painter.virtual.studio import ArmAndTable, StudioArm
 from frida_painter_together.policies import TurnAnswer, TurnPolicy, TurnTaken
 from frida_painter_words.picture_makers.making import PictureMaker, PictureMakerKind, PictureRequest
 
+_PREFIX = "frida_painter."
 _SECONDS = 60.0
 _CANVAS = CanvasSize(0.12, 0.09)
 _ROWS = 48
@@ -131,9 +132,6 @@ def check(
     return [_try(part, MappingProxyType(dict(examples or {})), seconds) for part in found]
 
 
-_PREFIX = "frida_painter."
-
-
 def _plain(package: str) -> str:
     return package.lower().replace("_", "-")
 
@@ -157,7 +155,7 @@ def _try(part: registry.Part, examples: Mapping[str, str], seconds: float) -> Pa
     thread.join(seconds)
     if thread.is_alive():
         faults = [f"It did not answer within {seconds:g} seconds; a part does its work and returns."]
-    return PartFinding(part.group.removeprefix(_PREFIX), part.name, faults[0] if faults else "")
+    return PartFinding(part.group.removeprefix(_PREFIX), part.name, *faults[:1])
 
 
 @dataclass(frozen=True)
@@ -182,9 +180,12 @@ def _require(holds: bool, sentence: str) -> None:
 
 
 def _require_words(kind: Any, *names: str) -> None:
+    """Requires texts that people read in lists; the form of a machine or a camera begins with its name."""
     for name in names:
         words = getattr(kind, name, "")
         _require(isinstance(words, str) and bool(words.strip()), f"Its {name} says nothing; people read it in lists.")
+        if name == "form":
+            _require(words.startswith(kind.name), f"Its form {words!r} does not begin with its name.")
 
 
 def _picture(rows: int = _ROWS) -> Tensor:
@@ -193,14 +194,6 @@ def _picture(rows: int = _ROWS) -> Tensor:
     y, x = torch.meshgrid(torch.linspace(0, 1, rows), torch.linspace(0, 1, columns), indexing="ij")
     ground = torch.stack((0.9 - 0.2 * y, 0.8 - 0.1 * x, 0.6 + 0.3 * x))
     return torch.where(((x - 0.4) ** 2 + (y - 0.5) ** 2) < 0.05, 0.2 * ground, ground)
-
-
-def _planner(**settings: Any) -> Planner:
-    chosen = PlannerSettings(
-        _CANVAS, "fine", strokes=_COUNT, colors=2, rows=_ROWS, effort=0.05, focus="none", sharpness=0.0, layers=1,
-        **settings,
-    )  # fmt: skip
-    return Planner(Goal((ImageTerm(_picture()),)), chosen)
 
 
 def _plan() -> Plan:
@@ -213,19 +206,24 @@ def _plan() -> Plan:
 
 def _try_robot(kind: RobotKind, given: _Given) -> None:
     _require_words(kind, "form", "title")
-    _require(kind.form.startswith(kind.name), f"Its form {kind.form!r} does not begin with its name.")
     place = FlatbedWorkspace().motion(_CANVAS).workspace
     place = replace(place, home=(0.0, 0.0, place.upper[2]))
     if _sample(kind.form):
-        _require_refusal(lambda: kind.open(MachineName.of(kind.name, kind.form), place))
+        refusal = "refuse it with ConfigError and a sentence."
+        try:
+            kind.open(MachineName.of(kind.name, kind.form), place)
+        except FridaError:
+            pass
+        except Exception as failure:  # what should have been refused went on
+            raise PluginError(f"A name without its place raised {type(failure).__name__}; {refusal}") from failure
+        else:
+            raise PluginError(f"A name without its place was accepted; {refusal}")
     text = given.text(_sample(kind.form) or kind.name)
     named = text if text.partition(":")[0] == kind.name else f"{kind.name}:{text}"
     machine = MachineName.of(named, kind.form)
-    made = _opened(lambda: kind.open(machine, place), given)
-    registry.require_like(made, Robot, "Its driver")
-    for protocol in _ABILITIES:
-        if isinstance(made, protocol):
-            registry.require_like(made, protocol, "Its driver")
+    made = _open_or_ask(lambda: kind.open(machine, place), given)
+    for protocol in (Robot, *(ability for ability in _ABILITIES if isinstance(made, ability))):
+        registry.require_like(made, protocol, "Its driver")
     identities = kind.identify(machine)
     _require(
         isinstance(identities, frozenset) and bool(identities),
@@ -238,7 +236,7 @@ def _sample(form: str) -> str:
     return form.partition("[")[0].partition(":")[2]
 
 
-def _opened(make: Callable[[], Any], given: _Given) -> Any:
+def _open_or_ask(make: Callable[[], Any], given: _Given) -> Any:
     """Returns the opened part. Raises ConfigError, which asks for an example, if it was opened without one in vain."""
     try:
         return make()
@@ -250,25 +248,11 @@ def _opened(make: Callable[[], Any], given: _Given) -> Any:
         ) from refusal
 
 
-def _require_refusal(opened: Callable[[], object]) -> None:
-    try:
-        opened()
-    except FridaError:
-        return
-    except Exception as failure:  # what should have been refused went on
-        raise PluginError(
-            f"A name without its place raised {type(failure).__name__}; refuse it with ConfigError and a sentence."
-        ) from failure
-    raise PluginError("A name without its place was accepted; refuse it with ConfigError and a sentence.")
-
-
 def _try_camera(kind: CameraKind, given: _Given) -> None:
     _require_words(kind, "form", "title")
-    _require(kind.form.startswith(kind.name), f"Its form {kind.form!r} does not begin with its name.")
-    made = _opened(lambda: kind.open(given.text(_sample(kind.form))), given)
-    registry.require_like(made, Camera, "Its driver")
-    if isinstance(made, LiveCamera):
-        registry.require_like(made, LiveCamera, "Its driver")
+    made = _open_or_ask(lambda: kind.open(given.text(_sample(kind.form))), given)
+    for protocol in (Camera, *([LiveCamera] if isinstance(made, LiveCamera) else [])):
+        registry.require_like(made, protocol, "Its driver")
 
 
 def _try_easel(kind: EaselKind, given: _Given) -> None:
@@ -282,16 +266,11 @@ def _try_brush(kind: BrushModel, given: _Given) -> None:
     model = kind.load()
     _require(model.brush == kind.name, f"Its stroke model is of the brush {model.brush!r}.")
     _require(model.limits == kind.kind.limits, "Its stroke model has other limits than its brush.")
-    _try_model(model)
-
-
-def _try_model(model: StrokeModel) -> None:
     require_stroke_model(model, "Its stroke model", PluginError)
     (least, most), (left, right) = model.limits.length, model.limits.bend
     thickness = torch.tensor([0.0, 0.5, 1.0, 1.0])
     length, bend = torch.tensor([least, most, most, least]), torch.tensor([0.0, left, right, 0.0])
-    maps = model(thickness, length, bend).detach()
-    again = model(thickness, length, bend).detach()
+    maps, again = (model(thickness, length, bend).detach() for _ in range(2))
     _require(torch.equal(maps, again), "It gives other maps for the same strokes; take chance from a seed.")
     edge = torch.cat((maps[:, 0], maps[:, -1], maps[:, :, 0], maps[:, :, -1]), 1)
     _require(float(edge.max()) < 0.05, "Its marks touch the edge of its frame and would be cut; make the frame larger.")
@@ -304,11 +283,25 @@ def _try_family(kind: FamilyPart, given: _Given) -> None:
 
 def _try_goal(kind: GoalKind, given: _Given) -> None:
     _require_words(kind, "help", "label")
-    if kind.gives is Gives.PICTURE:
-        term: Any = _open_picture(kind)
-    else:
-        term = kind.open(given.text("a lemon" if kind.networks or _is_ours(kind) else None), 1.0)
-    _require_refusal_of_weight(kind, given, term)
+    is_ours = kind.name in registry.OUR_PARTS[registry.OBJECTIVES]
+    with TemporaryDirectory() as folder:
+        shown: Any = Path(folder) / "picture.png"
+        if kind.gives is Gives.PICTURE:
+            images.save(_picture(), shown)
+        else:
+            shown = given.text("a lemon" if kind.networks or is_ours else None)
+        term: Any = kind.open(shown, 1.0)
+    weight = getattr(term, "weight", None)
+    _require(isinstance(weight, int | float) and weight == 1.0, "Its term does not keep the weight that it was given.")
+    for wrong in (0.0, float("nan")):
+        try:
+            if kind.gives is Gives.WORDS:
+                kind.open(given.text("a lemon"), wrong)
+            else:
+                type(term)(term.image, wrong)
+        except (ConfigError, AttributeError, TypeError):
+            continue  # it was refused, or is a picture term of another form
+        raise PluginError(f"It accepts a weight of {wrong}; call require_weight.")
     if kind.networks or not term.is_tried:
         return  # its networks need not be here
     grid = PixelGrid.of_height(_CANVAS, _ROWS)
@@ -318,36 +311,6 @@ def _try_goal(kind: GoalKind, given: _Given) -> None:
         with torch.no_grad():
             value = made.validation(_picture())
         _require(isinstance(value, Tensor) and value.dim() == 0, "Its validation returns no number.")
-
-
-def _is_ours(kind: GoalKind) -> bool:
-    return kind.name in registry.OUR_PARTS[registry.OBJECTIVES]
-
-
-def _open_picture(kind: GoalKind) -> Any:
-    from tempfile import TemporaryDirectory
-
-    from frida_painter import images
-
-    with TemporaryDirectory() as folder:
-        images.save(_picture(), Path(folder) / "picture.png")
-        return kind.open(Path(folder) / "picture.png", 1.0)
-
-
-def _require_refusal_of_weight(kind: GoalKind, given: _Given, term: Any) -> None:
-    weight = getattr(term, "weight", None)
-    _require(isinstance(weight, int | float) and weight == 1.0, "Its term does not keep the weight that it was given.")
-    for wrong in (0.0, float("nan")):
-        try:
-            if kind.gives is Gives.WORDS:
-                kind.open(given.text("a lemon"), wrong)
-            else:
-                type(term)(term.image, wrong)
-        except ConfigError:
-            continue
-        except (AttributeError, TypeError):
-            return  # a picture term of another form
-        raise PluginError(f"It accepts a weight of {wrong}; call require_weight.")
 
 
 def _try_policy(parse: Any, given: _Given) -> None:
@@ -382,7 +345,11 @@ def _try_exporter(kind: ExporterKind, given: _Given) -> None:
 
 def _try_planner(kind: PlannerKind, given: _Given) -> None:
     _require_words(kind, "help")
-    planner = _planner(planner=given.name)
+    chosen = PlannerSettings(
+        _CANVAS, "fine", strokes=_COUNT, colors=2, rows=_ROWS, effort=0.05, focus="none", sharpness=0.0, layers=1,
+        planner=given.name,
+    )  # fmt: skip
+    planner = Planner(Goal((ImageTerm(_picture()),)), chosen)
     task = PlanningTask(planner, planner.bare, _COUNT, 2, lambda step: None)
     made = kind.make(task)
     _require(kind.make(task).digest == made.digest, "It made another plan from the same seed.")

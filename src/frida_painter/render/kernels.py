@@ -9,7 +9,7 @@ keep their meaning.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import float32, float64, int32, int64, njit, types
+from numba import int32, int64, njit, types
 from numpy.typing import NDArray
 
 # Pixels of a stroke: for each row of the canvas, the exact run of columns whose samples touch its cells
@@ -500,22 +500,3 @@ def pull_through_moments(  # type: ignore[no-untyped-def]
                     to_mean[1, y, x] = keeps * to_mean[1, y, x] + crossed * below[1, at + p]
                     to_mean[2, y, x] = keeps * to_mean[2, y, x] + crossed * below[2, at + p]
                     to_variance[y, x] *= keeps * keeps + doubt
-
-
-def argument_types():  # type: ignore[no-untyped-def]
-    """Returns all loops with their argument types for plans in float32; see compiled.py."""
-    line, table, maps, boxes, spans = float32[::1], float32[:, ::1], float32[:, :, ::1], int64[:, ::1], spans_type()
-    index, some = int64[::1], (int64, int64)
-    rows = float64[::1], index, index
-    pair, spread = types.UniTuple(int64, 2), types.UniTuple(float32, 2)  # type: ignore[no-untyped-call]
-    return (
-        (_find_boxes, (maps, boxes)),
-        (_find_rows, (maps, boxes, int64, int64, *rows)),
-        (_find_columns, (maps, boxes, int64, *rows, index, int32[::1], index)),
-        (sample, (*some, maps, maps, boxes, line, spans, int64, table)),
-        (blend, (*some, pair, spans, int64, line, table, maps)),
-        (pull_through, (*some, spans, line, table, maps, maps, table, line, maps)),
-        (scatter_to_strokes, (*some, maps, boxes, line, spans, table, line, maps, maps)),
-        (blend_moments, (*some, pair, spans, int64, line, table, spread, maps, table)),
-        (pull_through_moments, (*some, spans, line, table, spread, maps, table, maps, table, line, maps)),
-    )

@@ -16,7 +16,7 @@ from frida_painter.brush.kinds import CoverageSpread, StrokeModel, growth_of, sp
 from frida_painter.brush.table import StrokeTable
 from frida_painter.brush.weights import AnyBrush, load_models_of, load_stroke_model
 from frida_painter.canvas_size import AnyCanvas, CanvasSize
-from frida_painter.compiled import compiles_for
+from frida_painter.devices import compiles_for
 from frida_painter.errors import ConfigError, PlanError
 from frida_painter.exporter import ExporterKind, ExportOptions
 from frida_painter.frames import ALL_ROWS, PixelGrid, Rows, pixel_to_map, scale_maps

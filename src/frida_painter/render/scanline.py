@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from frida_painter.brush.kinds import CoverageSpread
-from frida_painter.compiled import array
+from frida_painter.devices import array
 from frida_painter.render import kernels
 from frida_painter.render.kernels import Array, Spans, find_spans, painted_boxes, whole_maps
 

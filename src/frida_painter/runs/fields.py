@@ -1,6 +1,7 @@
-"""Fields of a painting's description as a person writes them, and their faults in the words of the command line.
+"""Fields of a description as a person writes them, and their faults in the words of the command line.
 
-This module loads no tensors.
+A canvas, a colour, a file, a placement error, and brushes and stroke families with their shares of the strokes:
+"broad:60%,fine+comma:40%". This module loads no tensors.
 """
 
 import math
@@ -18,13 +19,10 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, ImageError
 from frida_painter.palette_file import is_palette_file, read_colors
 from frida_painter.runs.goal_item import GoalItem
-from frida_painter.runs.shares import AUTO, parse_brushes, parse_families
 from frida_painter.session.replan_policy import parse_replan_policy
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
-
-# Faults of a description, in the words of the command line.
 
 
 def sentence_on(fault: Any, fields: Mapping[str, FieldInfo]) -> str:
@@ -32,39 +30,116 @@ def sentence_on(fault: Any, fields: Mapping[str, FieldInfo]) -> str:
     message = fault["msg"].removeprefix("Value error, ").removesuffix(".")
     if not fault["loc"]:
         return message
-    field = str(fault["loc"][0])
+    name = str(fault["loc"][0])
     if fault["type"] == "extra_forbidden":
-        near = get_close_matches(field, fields, 3)
+        near = get_close_matches(name, fields, 3)
         known = f"near it is {' or '.join(near)}" if near else "there are " + ", ".join(sorted({*fields} - {"version"}))
-        return f"{field[:40]!r} is not a setting; {known}"
-    name = f"--{field.replace('_', '-')}"
+        return f"{name[:40]!r} is not a setting; {known}"
+    option = f"--{name.replace('_', '-')}"
     if fault["type"] == "value_error":
-        return message if field in ("goal", "initial") or message.startswith(name) else f"{name}: {message}"
-    if field not in fields or len(fault["loc"]) > 1:
-        return f"{name}: {message}"
-    return f"{name} was given {_shortly(fault['input'])}; it is {_list_allowed(fields[field])}"
+        return message if name in ("goal", "initial") or message.startswith(option) else f"{option}: {message}"
+    if name not in fields or len(fault["loc"]) > 1:
+        return f"{option}: {message}"
+    given = repr(fault["input"])
+    given = given if len(given) <= 40 else f"{given[:37]}..."
+    return f"{option} was given {given}; it is {_list_allowed(fields[name])}"
+
+
+def limits_of(field: FieldInfo) -> dict[str, float]:
+    """Returns the least and the greatest value of a setting as `ge` and `le`, as far as it has them."""
+    return {name: getattr(part, name) for part in field.metadata for name in ("ge", "le") if hasattr(part, name)}
 
 
 def _list_allowed(field: FieldInfo) -> str:
     """Returns the allowed values of a setting, in words."""
-    bounds = {name: getattr(part, name) for part in field.metadata for name in ("ge", "le") if hasattr(part, name)}
-    choices = getattr(field.annotation, "__args__", ()) if "Literal" in str(field.annotation) else ()
-    if choices:
-        return f"one of {', '.join(map(str, choices))}"
+    bounds = limits_of(field)
+    if "Literal" in str(field.annotation):
+        return f"one of {', '.join(map(str, getattr(field.annotation, '__args__', ())))}"
     if not bounds:
         return "true or false" if field.annotation in (bool, bool | None) else "a name or a path"
     kind = "a number" if field.annotation in (float, float | None) else "a whole number"
-    if "le" not in bounds:
-        return f"{kind} of at least {bounds['ge']}"
-    return f"{kind} from {bounds['ge']} to {bounds['le']}"
+    return f"{kind} from {bounds['ge']} to {bounds['le']}" if "le" in bounds else f"{kind} of at least {bounds['ge']}"
 
 
-def _shortly(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 40 else f"{text[:37]}..."
+# Brushes and stroke families, with their shares of the strokes.
+
+MAX_LAYERS = 8
+FAMILY_SHARE = 0.4
+"""Share of the strokes that stroke families get together if none is named."""
+AUTO = "auto"
+"""Ground that the planner chooses."""
 
 
-# Fields of a description as a person writes them: a canvas, a colour, a file, a replan policy.
+def brush_shares(text: str) -> tuple[tuple[str, float | None], ...]:
+    """Parses brushes such as "broad:60%,fine:40%"; returns names with shares in (0, 1], None without shares.
+
+    A brush is a name or a file, which is not opened here. Raises ValueError.
+    """
+    found = []
+    for part in map(str.strip, text.split(",")):
+        name, colon, share = part.rpartition(":") if part.endswith("%") else (part, "", "")
+        if not name:
+            raise ValueError(f"{text[:60]!r} names no brush at one place; write broad or broad:60%,medium:40%")
+        if not colon and re.fullmatch(r".+:\s*(\d[\d.]*|inf|nan)", part):
+            raise ValueError(f"{part[:40]!r} is no share; write it in percent, as broad:60%,medium:40%")
+        found.append((name.strip(), _share(share, name) if colon else None))
+    shares = [share for _, share in found if share is not None]
+    if shares and len(shares) < len(found):
+        raise ValueError("some brushes have a share and some have none; give shares to all of them or to none")
+    if any(not 0 < share <= 1 for share in shares):
+        raise ValueError("a share is above 0 % and at most 100 %; leave brushes out that paint nothing")
+    if shares and not abs(sum(shares) - 1) <= 0.005:
+        raise ValueError(f"the shares make {100 * sum(shares):g} %; together they make 100 %")
+    if len(found) > MAX_LAYERS:
+        raise ValueError(f"{len(found)} brushes were given; there are at most {MAX_LAYERS} layers")
+    return tuple(found)
+
+
+def family_shares(text: str) -> tuple[tuple[str, float], ...]:
+    """Parses families such as "comma:20%,flourish:30%"; returns names or files with shares in (0, 1].
+
+    Without shares, they get 40 % together. Raises ValueError.
+    """
+    parts = [part.strip() for part in text.split(",")]
+    if "%" not in text:
+        parts = [f"{name}:{100 * FAMILY_SHARE / len(parts)}%" for name in parts]
+    found = []
+    for part in parts:
+        name, colon, share = part.rpartition(":")
+        if not (colon and name.strip() and "+" not in name and share.endswith("%") and _share(share, name) > 0):
+            raise ValueError(f"{part[:40]!r} is no family with a share above 0 %; write comma:20%,flourish:30%")
+        found.append((name.strip(), _share(share, name)))
+    if not sum(share for _, share in found) <= 1:
+        raise ValueError(f"the families get {100 * sum(share for _, share in found):g} %; it is at most 100 %")
+    return tuple(found)
+
+
+def _share(percent: str, name: str) -> float:
+    try:
+        return float(percent.rstrip("%")) / 100
+    except ValueError as error:
+        raise ValueError(
+            f"the share {percent[:20]!r} of {name[:40]!r} is not a number; write {name[:40]}:60%"
+        ) from error
+
+
+def brush_file(name: str) -> Path | None:
+    """Returns the file that a brush is named by: that of its weights, or of its family ("fine+own.safetensors")."""
+    source = name if Path(name).is_file() else name.rpartition("+")[2]
+    return Path(source) if Path(source).suffix else None
+
+
+def _named(parse: Callable[[str], object], value: Any) -> Any:
+    """Returns a name, a file or a list of them as one text, if they can be parsed; other values as they are."""
+    several = value if isinstance(value, list | tuple) and value else [value]
+    if all(isinstance(part, str | Path) for part in several):
+        value = ",".join(map(str, several))
+    if isinstance(value, str) and value:
+        parse(value)
+    return value
+
+
+# A canvas, a colour, a file, a replan policy.
 
 NAMED_PAINTS = ("acrylics", "any")
 """Values of paints that are not the name of a file."""
@@ -106,66 +181,49 @@ def _read(parse: Callable[[_T], _R], value: _T) -> _R:
         raise ValueError(str(error)) from error
 
 
-def _canvas(value: Any) -> CanvasSize:
-    return value if isinstance(value, CanvasSize) else _read(CanvasSize.parse, str(value))
-
-
-def _millimetres(size: CanvasSize) -> str:
-    return f"{size.width * 1000:g}x{size.height * 1000:g}mm"
-
-
-def _path(value: Any) -> Any:
-    return Path(value) if isinstance(value, str) and value else value
-
-
-def _whole_path(path: Path | None) -> str | None:
-    return None if path is None else str(path.resolve())
-
-
-def _placement(text: str | None) -> str | None:
-    _read(millimetres_and_degrees, text)
+def _allow(parse: Callable[[str], object], text: str | None) -> str | None:
+    """Returns the text as it is, if it can be parsed."""
+    if text is not None:
+        _read(parse, text)
     return text
 
 
-def ground_color(ground: str) -> tuple[float, float, float] | None:
-    """Returns the colour of "white" or "#c8a878" as sRGB in [0, 1]; None if the planner chooses it."""
-    if ground in (AUTO, OF_SCENE):
-        return None
-    return (1.0, 1.0, 1.0) if ground == "white" else rgb(ground)
+def _whole_path(text: str) -> str:
+    return text if text in NAMED_PAINTS else str(Path(text).resolve())
 
 
 def rgb(color: str) -> tuple[float, float, float]:
-    """Returns a colour such as "#c8a878" as sRGB in [0, 1]."""
+    """Returns a colour such as "#c8a878", or "white", as sRGB in [0, 1]."""
+    if color == "white":
+        return 1.0, 1.0, 1.0
     red, green, blue = (int(color[at : at + 2], 16) / 255 for at in (1, 3, 5))
     return red, green, blue
 
 
 def _hex(value: Any) -> Any:
-    """Returns 3 numbers in [0, 1] as "#rrggbb"; other values as they are."""
+    """Returns 3 numbers in [0, 1] as "#rrggbb", and a text in small letters; other values as they are."""
     parts = value.tolist() if hasattr(value, "tolist") else value
     if not isinstance(parts, list | tuple) or len(parts) != 3:
-        return value
+        return value.strip().lower() if isinstance(value, str) else value
     if not all(isinstance(part, float | int) and 0 <= part <= 1 for part in parts):
         raise ValueError(f"{str(parts)[:40]} is not a colour; its 3 numbers are in [0, 1]")
     return "#" + "".join(f"{round(255 * part):02x}" for part in parts)
 
 
-def _ground(text: str | None) -> str | None:
-    if text is None:
-        return None
-    ground = text.strip().lower()
-    if ground not in (AUTO, "white") and not _is_color(ground):
-        raise ValueError(f"{text[:40]!r} is not a ground; give auto, white, or a colour such as #c8a878")
+def _is_color(text: str) -> bool:
+    return re.fullmatch("#[0-9a-f]{6}", text) is not None
+
+
+def _ground(ground: str | None) -> str | None:
+    if ground is not None and ground not in (AUTO, "white") and not _is_color(ground):
+        raise ValueError(f"{ground[:40]!r} is not a ground; give auto, white, or a colour such as #c8a878")
     return ground
 
 
-def _darkest(text: str | None) -> str | None:
-    if text is None:
-        return None
-    color = text.strip().lower()
-    if not _is_color(color):
-        raise ValueError(f"{text[:40]!r} is not a colour; give one such as #202020")
-    if max(rgb(color)) > _LIGHTEST_DARK:
+def _darkest(color: str | None) -> str | None:
+    if color is not None and not _is_color(color):
+        raise ValueError(f"{color[:40]!r} is not a colour; give one such as #202020")
+    if color is not None and max(rgb(color)) > _LIGHTEST_DARK:
         raise ValueError(
             f"{color} is light, and no paint would be planned that is darker in any band; give the colour of your "
             f"darkest paint, at most {round(255 * _LIGHTEST_DARK)} of 255 in each band"
@@ -173,34 +231,41 @@ def _darkest(text: str | None) -> str | None:
     return color
 
 
-def _is_color(text: str) -> bool:
-    return re.fullmatch("#[0-9a-f]{6}", text) is not None
+def _goal_items(value: Any) -> Any:
+    """Returns goal items from tables of a TOML file ({"text": "a lemon", "weight": 2}); others stay as they are."""
+    return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
 
 
-def _paints(value: Any) -> Any:
-    return str(value) if isinstance(value, Path) else value
+def _plain(items: tuple[GoalItem, ...], *, beginning: bool) -> tuple[GoalItem, ...]:
+    return tuple(_read(partial(GoalItem.plain, beginning=beginning), item) for item in items)
 
 
-def _whole_paints(paints: str) -> str:
-    return paints if paints in NAMED_PAINTS else str(Path(paints).resolve())
-
-
-def _policy(text: str | None) -> str | None:
-    if text is not None:
-        _read(parse_replan_policy, text)
-    return text
-
-
-Brushes = Annotated[str | None, BeforeValidator(parse_brushes)]
-Families = Annotated[str | None, BeforeValidator(parse_families)]
+Brushes = Annotated[str | None, BeforeValidator(partial(_named, brush_shares))]
+Families = Annotated[str | None, BeforeValidator(partial(_named, family_shares))]
 Ground = Annotated[str | None, BeforeValidator(_hex), AfterValidator(_ground)]
 Focus = Literal["faces", "none"]
 DarkestPaint = Annotated[str | None, BeforeValidator(_hex), AfterValidator(_darkest)]
-PaintsInUse = Annotated[str, BeforeValidator(_paints), PlainSerializer(_whole_paints, when_used="json")]
-Policy = Annotated[str | None, AfterValidator(_policy)]
-Canvas = Annotated[CanvasSize, BeforeValidator(_canvas), PlainSerializer(_millimetres)]
-File = Annotated[Path | None, BeforeValidator(_path), PlainSerializer(_whole_path, when_used="json")]
-Placement = Annotated[str | None, AfterValidator(_placement)]
+PaintsInUse = Annotated[
+    str,
+    BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value),
+    PlainSerializer(_whole_path, when_used="json"),
+]
+Policy = Annotated[str | None, AfterValidator(partial(_allow, parse_replan_policy))]
+Canvas = Annotated[
+    CanvasSize,
+    BeforeValidator(lambda size: size if isinstance(size, CanvasSize) else _read(CanvasSize.parse, str(size))),
+    PlainSerializer(lambda size: f"{size.width * 1000:g}x{size.height * 1000:g}mm"),
+]
+File = Annotated[
+    Path | None,
+    BeforeValidator(lambda value: Path(value) if isinstance(value, str) and value else value),
+    PlainSerializer(lambda path: None if path is None else str(path.resolve()), when_used="json"),
+]
+Placement = Annotated[str | None, AfterValidator(partial(_allow, millimetres_and_degrees))]
+Items = Annotated[tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=False))]
+InitialItems = Annotated[
+    tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=True))
+]
 
 
 def canvas_of(workspace: Path) -> CanvasSize:
@@ -224,18 +289,3 @@ def paints_of(palette: Path) -> int:
         return len(read_palette(palette, None))
     except ImageError as error:
         raise ConfigError(str(error)) from error
-
-
-def _goal_items(value: Any) -> Any:
-    """Returns goal items from tables of a TOML file ({"text": "a lemon", "weight": 2}); others stay as they are."""
-    return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
-
-
-def _plain(items: tuple[GoalItem, ...], *, beginning: bool) -> tuple[GoalItem, ...]:
-    return tuple(_read(partial(GoalItem.plain, beginning=beginning), item) for item in items)
-
-
-Items = Annotated[tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=False))]
-InitialItems = Annotated[
-    tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=True))
-]

@@ -16,8 +16,6 @@ MAX_CHARACTERS = 10_000
 _MAX_BYTES = 2**20
 _TITLE = 60
 _EXAMPLE = 'write [[goal]], then lines such as style = "waves.jpg" and weight = 2'
-
-
 _MIN_CROP = 0.01
 _ROUNDING = 1e-9
 
@@ -71,12 +69,9 @@ class GoalItem(BaseModel):
 
         Another value stays as it is, for pydantic to check.
         """
-        if isinstance(value, dict) and "kind" not in value:
-            kinds = [name for name in value if name not in ("weight", "crop")]
-            if len(kinds) == 1:
-                more = {name: value[name] for name in ("weight", "crop") if name in value}
-                return cls(kind=kinds[0], value=str(value[kinds[0]]), **more)
-        return value
+        more = dict(value) if isinstance(value, dict) and "kind" not in value else {}
+        kinds = [name for name in more if name not in ("weight", "crop")]
+        return cls(kind=kinds[0], value=str(more.pop(kinds[0])), **more) if len(kinds) == 1 else value
 
     def plain(self, *, beginning: bool) -> Self:
         """Returns the item with its words as one plain line. Raises ConfigError.
@@ -86,9 +81,8 @@ class GoalItem(BaseModel):
         kind = goal_kinds()[self.kind]
         if kind.gives is not Gives.WORDS:
             return self
-        return self.model_copy(
-            update={"value": read_prompt(self.value, kind.initial_option if beginning else kind.option)}
-        )
+        words = read_prompt(self.value, kind.initial_option if beginning else kind.option)
+        return self.model_copy(update={"value": words})
 
     @property
     def path(self) -> Path | None:
@@ -138,18 +132,15 @@ def read_goal_file(path: Path) -> dict[str, list[dict[str, Any]]]:
         if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
             raise ConfigError(f"{path}: {table} is not a list of tables; {_EXAMPLE}.")
         for entry in entries:
-            kinds = [kind for name, kind in known.items() if isinstance(entry.get(name), str)]
+            kinds = [name for name in known if isinstance(entry.get(name), str)]
             weight = entry.get("weight", 1.0)
-            if len(kinds) != 1 or set(entry) - {kinds[0].name, "weight", "crop"} or type(weight) not in (int, float):
-                names = ", ".join(known)
+            if len(kinds) != 1 or set(entry) - {*kinds, "weight", "crop"} or type(weight) not in (int, float):
                 raise ConfigError(
-                    f"{path}: a [[{table}]] has one of {names}, and perhaps a weight and a crop; {_EXAMPLE}."
+                    f"{path}: a [[{table}]] has one of {', '.join(known)}, and perhaps a weight and a crop; {_EXAMPLE}."
                 )
-            (kind,) = kinds
-            said = entry[kind.name]
-            value = said if kind.gives is Gives.WORDS else str(path.parent / said)
-            crop = {"crop": entry["crop"]} if "crop" in entry else {}
-            items.append({"kind": kind.name, "value": value, "weight": float(weight), **crop})
+            said, more = entry[kinds[0]], {name: value for name, value in entry.items() if name not in kinds}
+            value = said if known[kinds[0]].gives is Gives.WORDS else str(path.parent / said)
+            items.append({**more, "kind": kinds[0], "value": value, "weight": float(weight)})
     return found
 
 
@@ -169,7 +160,12 @@ def read_prompt(text: str, option: str) -> str:
             f"{option} was given a control character (U+{ord(bad):04X}), which is no word; "
             "say what shall be painted in plain words."
         )
-    spoken = " ".join("".join(_spoken(mark) for mark in line).split())
+    marks = []
+    for mark in line:
+        category = unicodedata.category(mark)
+        is_silent = category in ("Cf", "Mn", "Sk") and not unicodedata.combining(mark)
+        marks.append(f" {unicodedata.name(mark, '').lower()} " if category == "So" else "" if is_silent else mark)
+    spoken = " ".join("".join(marks).split())
     if not spoken:
         raise ConfigError(f'{option} was given no words; say what shall be painted, such as {option} "a sailing ship".')
     return spoken
@@ -185,13 +181,6 @@ def name_of(prompt: str) -> str:
     """Returns the words as a file name: small letters, digits and hyphens, at most 40 characters."""
     plain = unicodedata.normalize("NFKD", prompt).encode("ascii", "ignore").decode().lower()
     return re.sub("[^a-z0-9]+", "-", plain)[:40].strip("-") or "words"
-
-
-def _spoken(mark: str) -> str:
-    category = unicodedata.category(mark)
-    if category == "So":
-        return f" {unicodedata.name(mark, '').lower()} "
-    return "" if category in ("Cf", "Mn", "Sk") and not unicodedata.combining(mark) else mark
 
 
 # Records of pictures that were made from words (frida_painter_words/picture_makers/making.py)
@@ -212,8 +201,7 @@ def read_making(picture: Path) -> tuple[dict[str, Any], dict[str, Any]] | None:
 
     None if there is no record beside the picture, or if the record is of other pictures.
     """
-    file = making_file(picture)
-    if file is None:
+    if (file := making_file(picture)) is None:
         return None
     try:
         record = storage.read_json(file, "the record of a making")
@@ -230,11 +218,9 @@ def making_facts(*items: GoalItem) -> tuple[tuple[str, str], ...]:
     """Returns how pictures of the goal were made, for page and record, as (label, description)."""
     found = []
     for item in items:
-        made = None if item.path is None else read_making(item.path)
-        if made is None:
-            continue
-        record, picture = made
-        facts = [str(fact) for name, fact in record["facts"].items() if name != "sha256"]
-        maker = ", ".join((record["maker"], *facts))
-        found.append(("Made", f"{picture['file']} from “{record['words']}” by {maker}, seed {picture['seed']}"))
+        if item.path is not None and (made := read_making(item.path)) is not None:
+            record, picture = made
+            facts = [str(fact) for name, fact in record["facts"].items() if name != "sha256"]
+            maker = ", ".join((record["maker"], *facts))
+            found.append(("Made", f"{picture['file']} from “{record['words']}” by {maker}, seed {picture['seed']}"))
     return tuple(found)

@@ -24,7 +24,6 @@ from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.word_settings import WordSettings
-from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
 
 _MAX_TERMS = 20
@@ -54,17 +53,19 @@ def open_goal(spec: RunSpec) -> Goal:
     count = len(spec.goal) + len(spec.initial)
     if count > _MAX_TERMS:
         raise ConfigError(f"{count} goals were given; at most {_MAX_TERMS} are pursued together.")
-    return Goal(
-        tuple(_open_term(item, beginning=False) for item in spec.goal),
-        tuple(_open_term(item, beginning=True) for item in spec.initial),
-    )
+    opened: dict[bool, list[Term]] = {False: [], True: []}
+    for beginning, items in ((False, spec.goal), (True, spec.initial)):
+        for item in items:
+            kind = goal_kinds()[item.kind]
+            term = kind.open_term(item.path or item.value, item.weight, beginning=beginning)
+            opened[beginning].append(term if item.crop is None else term.crop(item.crop))
+    return Goal(tuple(opened[False]), tuple(opened[True]))
 
 
 def tell_terms(goal: Goal, settings: WordSettings, freedom: float) -> Goal:
     """Returns the goal with these settings of its words, and this freedom of its colours."""
-    terms, initial = (
-        tuple(term.say(settings).free_colors(freedom) for term in some) for some in (goal.terms, goal.initial)
-    )
+    both = (goal.terms, goal.initial)
+    terms, initial = (tuple(term.say(settings).free_colors(freedom) for term in some) for some in both)
     return replace(goal, terms=terms, initial=initial)
 
 
@@ -75,11 +76,6 @@ def picture_of(goal: Goal) -> Tensor | None:
     if all(term.words is None for term in every):
         pictures += [term.colors for term in goal.terms]
     return next((picture for picture in pictures if picture is not None), None)
-
-
-def _open_term(item: GoalItem, *, beginning: bool) -> Term:
-    term = goal_kinds()[item.kind].open_term(item.path or item.value, item.weight, beginning=beginning)
-    return term if item.crop is None else term.crop(item.crop)
 
 
 def make_goal(
@@ -122,8 +118,7 @@ def make_goal(
     if strange := [one for one in functions if not callable(one)]:
         raise ConfigError(f"An objective was given as {type(strange[0]).__name__}; it is a function of a picture.")
     there = [*(name for name, some in given.items() if some), *([_OBJECTIVE] if functions else [])]
-    weights = weights or {}
-    known = (*goal_kinds().by_name, _OBJECTIVE)
+    weights, known = weights or {}, (*goal_kinds().by_name, _OBJECTIVE)
     if unknown := sorted(set(weights) - set(known)):
         raise ConfigError(f"A weight was given to {unknown[0][:40]!r}; weights are given to {', '.join(known)}.")
     if absent := sorted(set(weights) - set(there)):

@@ -67,16 +67,8 @@ class GivenPicture:
         done = 0
         for record in EventLog.read(journal):
             if time_of(record).timestamp() <= taken:
-                done = max(
-                    [
-                        done,
-                        *(
-                            event.done
-                            for event in events_of(record)
-                            if isinstance(event, StrokePainted | StrokeLeftOut)
-                        ),
-                    ]
-                )
+                painted_or_not = [one for one in events_of(record) if isinstance(one, StrokePainted | StrokeLeftOut)]
+                done = max([done, *(event.done for event in painted_or_not)])
         return min(done, painted)
 
 

@@ -8,7 +8,6 @@ from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import state_folder
 from frida_painter.easel.operator import PersonAsOperator
 from frida_painter.easel.order import EaselOrder
-from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import PlacementError
 from frida_painter.registry import Later
@@ -51,35 +50,6 @@ def needed_calibrations(spec: RunSpec) -> tuple[str, ...]:
     if not spec.has_camera:
         return ()
     return ("canvas",) if spec.by_hand else NEEDED
-
-
-def require_sensible(spec: RunSpec) -> None:
-    """Raises ConfigError if options for a real easel are given for a simulated one, or the other way round.
-
-    It is only for new paintings; a resumed one may have been begun with unnecessary options.
-    """
-    if spec.simulated:
-        said: dict[str, object] = {"--camera": spec.has_camera and spec.camera, "--workspace": spec.workspace}
-        whose, is_a = "real", "simulated"
-        if spec.on_canvas and spec.studio_canvas is None:
-            raise ConfigError(
-                "--on-canvas was given, and the canvas of the virtual studio is bare; leave it out, or give a picture "
-                "of what is on the canvas: --studio-canvas FILE"
-            )
-    else:
-        said = {
-            "--pace": spec.pace,
-            "--placement-error": spec.placement_error,
-            "--studio-canvas": spec.studio_canvas,
-        }
-        whose, is_a = "simulated", "real"
-    named = [option for option, value in said.items() if value]
-    them = "it" if len(named) == 1 else "them"
-    if named:
-        raise ConfigError(
-            f"{' and '.join(named)} {'is' if len(named) == 1 else 'are'} for {whose} robots, and --robot "
-            f"{spec.robot[:60]} is a {is_a} one; leave {them} out, or name another robot."
-        )
 
 
 def with_operator(easel: Easel, spec: RunSpec, answer: Callable[[Question], Answer] | None) -> Easel:

@@ -36,11 +36,10 @@ from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.sheets import doubt
+from frida_painter.runs.fields import brush_file
 from frida_painter.runs.goal_item import MAKING, making_file, read_goal_file, read_making
-from frida_painter.runs.shares import brush_file
 from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming
-from frida_painter.session.events import DRYING
 from frida_painter.session.journal import PHOTOGRAPHS, History, Journal
 from frida_painter.session.progress import Painting
 from frida_painter.session.resuming import KeptPlan
@@ -49,11 +48,7 @@ from frida_painter.session.resuming import KeptPlan
 
 
 def keep_learned(
-    spec: RunSpec,
-    begun: Calibration | None,
-    learned: Placement,
-    painting: Painting,
-    wet: Callable[[], WetPaint | None] = lambda: None,
+    spec: RunSpec, begun: Calibration | None, learned: Placement, painting: Painting, wet: Callable[[], WetPaint | None]
 ) -> Path | None:
     """Writes what a finished painting taught into its calibration record: placement, touch heights and wet paint.
 
@@ -64,14 +59,9 @@ def keep_learned(
     Raises CalibrationError and StorageError.
     """
     record, finished = spec.calibration, painting.rest is not None and len(painting.rest) == 0
-    if (
-        record is None
-        or begun is None
-        or spec.by_hand
-        or not spec.has_camera
-        or not finished
-        or Calibration.load(record) != begun
-    ):
+    if record is None or begun is None or spec.by_hand or not spec.has_camera or not finished:
+        return None
+    if Calibration.load(record) != begun:
         return None
     corrected = learned.correct(begun, spec.canvas)
     replace(corrected, wet=wet() or corrected.wet).save(record)
@@ -105,33 +95,17 @@ def new_folder(out: Path | None, name: str, needed: int) -> Path:
     return folder
 
 
-def keep_spec(spec: RunSpec, folder: Path) -> None:
-    """Writes the description into the folder. Raises StorageError."""
-    storage.write_text(folder / SETTINGS, json.dumps(spec.record(), indent=2) + "\n")
-
-
 def read_spec(folder: Path) -> RunSpec:
     """Reads the current description from the folder. Raises ConfigError."""
     return RunSpec.read(folder / SETTINGS)
 
 
-def drying_of(plan: Path) -> float:
-    """Returns the drying time in seconds of the painting that a plan (file or folder) belongs to.
-
-    It is the default time if no settings of a painting can be read beside the plan.
-    """
+def spec_beside(plan: Path) -> RunSpec:
+    """Returns the description of the painting that a plan (file or folder) belongs to; else that with all defaults."""
     try:
-        return 60 * read_spec(plan if plan.is_dir() else plan.parent).drying
+        return read_spec(plan if plan.is_dir() else plan.parent)
     except ConfigError:
-        return DRYING
-
-
-def camera_of(plan: Path) -> str:
-    """Returns the camera of the painting that a plan (file or folder) belongs to; "" if no settings can be read."""
-    try:
-        return read_spec(plan if plan.is_dir() else plan.parent).camera
-    except ConfigError:
-        return ""
+        return RunSpec.of()
 
 
 def keep_goal(spec: RunSpec, folder: Path) -> None:
@@ -142,12 +116,13 @@ def keep_goal(spec: RunSpec, folder: Path) -> None:
         value = item.value
         if item.path is not None:
             copy = Path(str(number), item.path.name)
-            _copy(item.path, folder / GOAL / copy)
-            record = making_file(item.path)
-            if record is not None and read_making(item.path) is not None:
-                _copy(record, folder / GOAL / copy.parent / MAKING)
+            record = making_file(item.path) if read_making(item.path) is not None else None
+            for source, name in ((item.path, copy), (record, copy.parent / MAKING)):
+                if source is not None:
+                    storage.copy(source, folder / GOAL / name, "a picture of the goal", storage.MAX_BYTES)
             value = copy.as_posix()
-        lines += [f"[[{table}]]", f"{item.kind} = {_quote_toml(value)}", f"weight = {item.weight!r}"]
+        quoted = json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        lines += [f"[[{table}]]", f"{item.kind} = {quoted}", f"weight = {item.weight!r}"]
         lines += [""] if item.crop is None else [f"crop = {list(item.crop)!r}", ""]
     storage.write_text(folder / GOAL / "goal.toml", "\n".join(lines))
 
@@ -187,15 +162,6 @@ def are_there(folder: Path, strokes: int) -> bool:
     filmed = (folder / "film.mp4").exists() or not any((folder / SKETCHBOOK).glob("glimpse-*"))
     names = ("painting.png", "index.html", "strokes.svg", "strokes.csv", "palette.png", "plan.png")
     return is_done and filmed and all((folder / name).exists() for name in names)
-
-
-def _quote_toml(text: str) -> str:
-    """Returns the text as a TOML string."""
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _copy(source: Path, copy: Path) -> None:
-    storage.copy(source, copy, "a picture of the goal", storage.MAX_BYTES)
 
 
 _FILES = (
@@ -288,21 +254,17 @@ def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainti
     try:
         spec = read_spec(folder) if not history.finished else RunSpec.of(**upgrade_record(history.settings))
         plan = resuming.load_kept_plan(folder, history)
+        placement = None if plan is None else plan.planning.placement
         if not history.finished:
-            _require_unchanged(spec, folder, history, plan, accept_changes=accept_changes)
-        placement = None if plan is None or _is_recalibrated(spec, folder, history) else plan.planning.placement
+            rests_on = input_hashes(spec, folder)
+            _require_unchanged(spec, folder, history, plan, rests_on, accept_changes=accept_changes)
+            if rests_on[CALIBRATION_RECORD] != history.rests_on.get(CALIBRATION_RECORD):
+                placement = None
         spec = spec.with_values(pace=pace, **read_goal(folder / history.goal))
     except BaseException:
         journal.close()
         raise
     return ReopenedPainting(spec, journal, history, plan, placement, accept_changes)
-
-
-def _is_recalibrated(spec: RunSpec, folder: Path, history: History) -> bool:
-    """Returns True if the calibration record has changed since the painting began."""
-    return not history.finished and input_hashes(spec, folder)[CALIBRATION_RECORD] != history.rests_on.get(
-        CALIBRATION_RECORD
-    )
 
 
 def history_of(folder: Path) -> History:
@@ -313,15 +275,19 @@ def history_of(folder: Path) -> History:
 
 
 def _require_unchanged(
-    spec: RunSpec, folder: Path, history: History, plan: KeptPlan | None, *, accept_changes: bool
+    spec: RunSpec,
+    folder: Path,
+    history: History,
+    plan: KeptPlan | None,
+    rests_on: dict[str, str],
+    *,
+    accept_changes: bool,
 ) -> None:
     """Raises ConfigError, with all changes, if there are changes that are not accepted or not possible."""
     begun = RunSpec.of(**upgrade_record(history.settings)).record()
     history.settings = begun
     diary = missing(folder / SIMULATION_LOG, "the diary of a virtual studio") if spec.simulated else 0
-    rests_on = input_hashes(spec, folder)
-    if CALIBRATION not in history.rests_on:  # earlier versions did not record it
-        del rests_on[CALIBRATION]
+    rests_on = {name: found for name, found in rests_on.items() if name != CALIBRATION or name in history.rests_on}
     changes = resuming.changes(folder, history, spec.record(), rests_on, plan, diary)
     settled = [name for name in SETTLED if begun[name] != spec.record()[name]]
     if not changes or (accept_changes and not settled):

@@ -5,6 +5,7 @@ module connects planner, easel process, journal and recorder.
 """
 
 import gc
+import json
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -18,8 +19,8 @@ import torch
 from torch import Tensor
 
 from frida_painter import event_log, images, storage
+from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
-from frida_painter.compiled import LoopCompiler
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, Question
@@ -46,57 +47,43 @@ from frida_painter.palette import Palette
 from frida_painter.perception.color import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
+from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.registry import Later
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.recorder import Recorder
 from frida_painter.runs.goals import open_goal
-from frida_painter.runs.painting_easel import needed_calibrations, order, require_sensible, with_operator
+from frida_painter.runs.painting_easel import needed_calibrations, order, with_operator
 from frida_painter.runs.painting_folder import (
     CALIBRATION,
     NOW,
     PAINTINGS,
+    SETTINGS,
     ReopenedPainting,
     hash_files,
     keep_goal,
     keep_learned,
-    keep_spec,
     new_folder,
     reopen,
 )
 from frida_painter.runs.painting_folder import input_hashes as hashes
 from frida_painter.runs.run_record import RECORD, RunRecord, hash_picture
 from frida_painter.runs.settle import (
-    SettledRun,
     begin_together,
-    check,
     fit_canvas,
+    name_families,
+    open_planner,
     open_recorder,
-    open_session,
     replan_policy,
     settle,
 )
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session import resuming
+from frida_painter.session import events, resuming
 from frida_painter.session.controls import Controls
-from frida_painter.session.events import (
-    CanvasAssumed,
-    Event,
-    Finishing,
-    GoalChanged,
-    Looked,
-    Notify,
-    Paused,
-    PersonStrokePainted,
-    RegionProtected,
-    Remark,
-    Resumed,
-    Stopped,
-    StrokeLeftOut,
-    TimelapseFrame,
-)
+from frida_painter.session.hand import Hand, with_measured_dip
 from frida_painter.session.journal import PHOTOGRAPHS, History, Journal
-from frida_painter.session.loop import PaintingSession
+from frida_painter.session.loop import Extent, PaintingSession
+from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
 from frida_painter.session.progress import Painting, ResumeState
@@ -108,7 +95,7 @@ if TYPE_CHECKING:
 _open_looks = Later("frida_painter.runs.look_folder:LookFolder")
 
 _ROOM = 200 * 2**20  # bytes
-_LED = GoalChanged | Paused | PersonStrokePainted | RegionProtected | StrokeLeftOut
+_LED = events.GoalChanged | events.Paused | events.PersonStrokePainted | events.RegionProtected | events.StrokeLeftOut
 """Events of a painting that nobody can repeat."""
 
 
@@ -161,7 +148,7 @@ class PaintingRun:
         spec: RunSpec,
         folder: str | Path | None = None,
         *,
-        listeners: Iterable[Notify] = (),
+        listeners: Iterable[events.Notify] = (),
         controls: Controls | None = None,
         state: str | Path | None = None,
         record_may_differ: bool = False,
@@ -169,16 +156,16 @@ class PaintingRun:
         _reopened: ReopenedPainting | None = None,
     ) -> None:
         if _reopened is None:
-            require_sensible(spec)
+            spec.require_sensible()
         self._reopened = _reopened
         self._fitted = fit_canvas(spec, open_goal(spec), canvas_is_fixed=_reopened is not None)
-        self._settled: SettledRun | None = None
+        self._settled: tuple[RunSpec, Planner, str] | None = None
         self.goal, self.target = self._fitted.goal, self._fitted.target
         self.tell: Callable[[str], None] = lambda sentence: None
         self.heed: Callable[[], None] = lambda: None
         self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
-        self.listeners: list[Notify] = list(listeners)
+        self.listeners: list[events.Notify] = list(listeners)
         self.controls = controls or Controls()
         self._state = None if state is None else Path(state)
         self._record_may_differ = record_may_differ
@@ -212,7 +199,6 @@ class PaintingRun:
             raise
 
     def __enter__(self) -> Self:
-        self._stack.enter_context(LoopCompiler())
         if self._reopened is None and self.spec.palette is not None:
             self.mixed = read_palette(self.spec.palette, self.spec.colors)
         threads = torch.get_num_threads()
@@ -251,19 +237,19 @@ class PaintingRun:
         if self._settled is None:
             region = None if self._reopened is None else resuming.region(self.folder, self._reopened.history)
             self._settled = settle(self._fitted, self._encoders, region=region, tell=self.tell, heed=self.heed)
-        return self._settled.planner
+        return self._settled[1]
 
     @property
     def spec(self) -> RunSpec:
         """Description with its final canvas, and, once there is a planner, with the brushes and the ground."""
-        return self._fitted.spec if self._settled is None else self._settled.spec
+        return self._fitted.spec if self._settled is None else self._settled[0]
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences for the person about lost parts of a picture, chosen brushes and ground, and a missing camera."""
-        chosen = () if self._settled is None else self._settled.remarks
-        blind = () if self.spec.has_camera else (NOBODY_LOOKS,)
-        return [*([self._fitted.remark] if self._fitted.remark else []), *chosen, *blind]
+        """Sentences for the person about lost parts of a picture, a chosen ground, and a missing camera."""
+        chosen = "" if self._settled is None else self._settled[2]
+        blind = "" if self.spec.has_camera else NOBODY_LOOKS
+        return [remark for remark in (self._fitted.remark, chosen, blind) if remark]
 
     @property
     def easel(self) -> Easel:
@@ -279,7 +265,8 @@ class PaintingRun:
         """
         if self.spec.palette is not None:
             read_palette(self.spec.palette, self.spec.colors)
-        planner = check(self._fitted, self._encoders)
+        planner = open_planner(name_families(self.spec), self.goal, self._encoders)
+        planner.layer_sizes(self.spec.strokes)
         if paints:
             storage.require_space(self._folder or PAINTINGS, _ROOM, "this painting")
             with ExitStack() as stack:
@@ -341,7 +328,7 @@ class PaintingRun:
         if self._easel is None:
             self.open_easel()
         keep_goal(self.spec, self.folder)
-        keep_spec(self.spec, self.folder)
+        storage.write_text(self.folder / SETTINGS, json.dumps(self.spec.record(), indent=2) + "\n")
         self.easel.calibration.save(self.folder / CALIBRATION)
         self._run_record = self.begin_record("painting")
         self._led = "" if plan is None else "It was painted from a plan that was given; verify the folder of that plan."
@@ -379,21 +366,17 @@ class PaintingRun:
                 f"Only a new painting on a simulated easel is painted without a folder, and this one is for "
                 f"{self.spec.robot!r}; use start, or resume."
             )
+        opened = None
         try:
-            return self._simulate(plan, opener or open_easel)
-        finally:
-            gc.collect()  # the session and the studio refer to themselves: of many paintings, each would keep 60 MB
-
-    def _simulate(self, plan: Plan | None, opener: Callable[[EaselOrder], OpenEasel]) -> Painting:
-        opened = opener(order(self.spec, self.planner.brushes, None, self._state))
-        try:
-            easel = self._on_record(opened.easel)
-            easel = connect_easel(easel, None, self.tell)
+            opened = (opener or open_easel)(order(self.spec, self.planner.brushes, None, self._state))
+            easel = connect_easel(self._on_record(opened.easel), None, self.tell)
             session = self._open_session(easel, Journal.nowhere())
             first = plan or (self.plan() if self.spec.together else None)
             return session.run(self.spec.strokes, self.spec.colors, first)
         finally:
-            opened.close()
+            if opened is not None:
+                opened.close()
+            gc.collect()  # the session and the studio refer to themselves: of many paintings, each would keep 60 MB
 
     def resume(self) -> RunOutcome:
         """Paints the rest: photographs the canvas, asks about the stroke in doubt, cleans the brush, goes on.
@@ -422,7 +405,11 @@ class PaintingRun:
         if history.person:
             session.person.remember(history.person, history.person_seen, history.person_released)
         doubtful = history.in_doubt is not None
-        journal.record_resume(history, repaint=now is not None and self._repaints(now))
+        repaint = False
+        if now is not None and (picture := self._reopened.stroke_in_doubt(self.planner, now)) is not None:
+            images.save(picture, self.folder / NOW)
+            repaint = self.controls.repaint(history.in_doubt or 0, picture)
+        journal.record_resume(history, repaint=repaint)
         self._stack.enter_context(recorder)
         if kept is None or now is None:
             first = self.plan() if self.spec.together else None
@@ -442,21 +429,32 @@ class PaintingRun:
         """Returns the canvas that the plan was made for, if it is known, and the canvas now; saves the latter.
 
         Without a camera, both are taken to be as the journal tells; without a plan either, neither is known.
-        unseen: True if a person painted after the last look.
+        unseen: True if a person painted after the last look. Raises FrameRejected if it has changed, and nobody accepts
+        that.
         """
-        before: Tensor | None
-        if self.easel.has_camera:
-            now = session.look()
-            images.save(now, self.folder / NOW)
-            before = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
-            if before is not None and not unseen and not self._is_as_left(session, before, now):
-                before = None
-            return before, now
-        if kept is None:
+        if not self.easel.has_camera and kept is None:
             return None, None
-        before, now = self._expect_canvas(kept)
+        if not self.easel.has_camera and kept is not None:
+            before, now = self._expect_canvas(kept)
+            images.save(now, self.folder / NOW)
+            return before, now
+        assert self._reopened is not None
+        now = session.look()
         images.save(now, self.folder / NOW)
-        return before, now
+        seen = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
+        if seen is None or unseen:
+            return seen, now
+        if self._reopened.accept_changes:
+            return None, now
+        try:
+            self._reopened.require_as_left(session.observer.good, self.planner, seen, now)
+        except FrameRejected as difference:
+            if self.controls.paint_on(str(difference), now):
+                return None, now
+            raise FrameRejected(
+                f"{difference} Look at {self.folder / NOW}; if it is to be painted on as it is, say --accept-changes"
+            ) from difference
+        return seen, now
 
     def _expect_canvas(self, kept: resuming.KeptPlan) -> tuple[Tensor, Tensor]:
         """Returns the canvas that the plan was made for, and the canvas now, as the journal tells them."""
@@ -492,7 +490,7 @@ class PaintingRun:
         before = resuming.first_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
         with self._recorder() as recorder:
             expected = self.planner.expected(kept.plan, self.planner.bare if before is None else before)
-            recorder.hear(Resumed(kept.plan, history.painted, expected))
+            recorder.hear(events.Resumed(kept.plan, history.painted, expected))
             painting = Painting(canvas, history.painted, None, history.robot_seconds)
             if self._run_record is not None:
                 self._results = {"painting": hash_picture(canvas), **self._run_record.results}
@@ -513,35 +511,59 @@ class PaintingRun:
     def _recorder(self) -> Recorder:
         return open_recorder(self.spec, self.target, self.planner, self.folder, self.history)
 
-    def _open_session(self, easel: Easel, journal: Journal, record: Notify = lambda event: None) -> PaintingSession:
-        easel = with_operator(easel, self.spec, self.controls.answer)
+    def _open_session(
+        self, easel: Easel, journal: Journal, record: events.Notify = lambda event: None
+    ) -> PaintingSession:
+        """Opens a session on an easel with connected robot and camera. Raises LibraryError."""
+        spec, planner = self.spec, self.planner
+        easel = with_operator(easel, spec, self.controls.answer)
 
-        def hear(event: Event) -> None:
-            if isinstance(event, TimelapseFrame | Looked):
+        def hear(event: events.Event) -> None:
+            if isinstance(event, events.TimelapseFrame | events.Looked):
                 self._seen = event.photograph
-            elif isinstance(event, CanvasAssumed):
+            elif isinstance(event, events.CanvasAssumed):
                 self._seen = event.canvas
             elif isinstance(event, _LED):
                 self._led = self._led or "A person led it, and no program does that again."
-            record(event)
-            for listener in self.listeners:
+            for listener in (record, *self.listeners):
                 listener(event)
 
-        self.session = open_session(
-            self.spec,
-            self.planner,
-            easel,
-            replace(
-                self.controls,
-                stop_asked=self._must_stop,
-                mixed=self.controls.mixed or (lambda wanted: self.mixed),
-                paint_on=self._paint_on,
-                given=self._take_given_picture,
-            ),
+        def must_stop() -> bool:  # on request, or after a stop of the robot
+            return self.controls.stop_asked() or (self._process is not None and self._process.stopped)
+
+        def paint_on(sentence: str, canvas: Tensor) -> bool:
+            if self._folder is not None:
+                images.save(canvas, self.folder / NOW)
+            accepted = self._reopened is not None and self._reopened.accept_changes
+            return accepted or self.controls.paint_on(sentence, canvas)
+
+        first, *others = (
+            with_measured_dip(brush_kind(name), easel.calibration, simulated=easel.simulated)
+            for name in planner.brushes
+        )
+        learned = self._reopened.placement if self._reopened else None
+        # A person's hand has no heights to correct.
+        where = learned or Placement.unknown({} if spec.by_hand else easel.calibration.depths)
+        light = resuming.light(self.history) if self.history else None
+        self.session = PaintingSession(
+            planner,
+            Hand(easel, first, where, others=tuple(others), drying=60 * spec.drying),
+            CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
+            replan_policy(spec, planner.layer_sizes(spec.strokes)),
             notify=hear,
             journal=journal,
-            light=resuming.light(self.history) if self.history else None,
-            placement=self._reopened.placement if self._reopened else None,
+            controls=replace(
+                self.controls,
+                stop_asked=must_stop,
+                mixed=self.controls.mixed or (lambda wanted: self.mixed),
+                paint_on=paint_on,
+                given=self._take_given_picture,
+            ),
+            extent=Extent(
+                None if spec.minutes is None else 60 * spec.minutes,
+                spec.strokes if spec.together else None,
+                spec.film_length,
+            ),
         )
         return self.session
 
@@ -566,7 +588,7 @@ class PaintingRun:
             self.look_at_picture(given)
         except (ImageError, CalibrationError, FrameRejected) as refusal:
             self._looks.file_away(given, "refused")
-            told = Remark(f"{given.path.name} does not count as a look. {refusal}")
+            told = events.Remark(f"{given.path.name} does not count as a look. {refusal}")
             for listener in self.listeners:
                 listener(told)
         else:
@@ -576,20 +598,6 @@ class PaintingRun:
     def _looks(self) -> "LookFolder":
         folder: LookFolder = _open_looks(self.folder)
         return folder
-
-    def _must_stop(self) -> bool:
-        """Returns True if painting ends after this stroke or planning iteration.
-
-        It ends on request, or after a stop of the robot.
-        """
-        return self.controls.stop_asked() or (self._process is not None and self._process.stopped)
-
-    def _paint_on(self, sentence: str, canvas: Tensor) -> bool:
-        """Returns True if a canvas that is not bare is painted on; saves its picture for the person who is asked."""
-        if self._folder is not None:
-            images.save(canvas, self.folder / NOW)
-        accepted = self._reopened is not None and self._reopened.accept_changes
-        return accepted or self.controls.paint_on(sentence, canvas)
 
     def _to_its_end(self, session: PaintingSession, recorder: Recorder, paint: Callable[[], Painting]) -> RunOutcome:
         """Paints; if robot, camera or person give up, the results so far are kept as after a stop."""
@@ -602,10 +610,10 @@ class PaintingRun:
             if painting is not None:
                 painting = replace(painting, photograph=painting.photograph if self._seen is None else self._seen)
                 for hear in (recorder.hear, *self.listeners):
-                    hear(Stopped(painting.painted))
+                    hear(events.Stopped(painting.painted))
         if painting is not None and painting.rest is not None:  # else there is no plan, and nothing to finish
             for listener in self.listeners:
-                listener(Finishing())
+                listener(events.Finishing())
         with suppress(FridaError):  # its faults were reported before
             session.hand.easel.robot.close()  # ends a film of the robot
         page = None
@@ -624,34 +632,6 @@ class PaintingRun:
             kept = keep_learned(self.spec, self._record, learned, painting, session.learn_wet_paint)
         return RunOutcome(self.folder, painting, page, trouble, kept)
 
-    def _is_as_left(self, session: PaintingSession, before: Tensor, now: Tensor) -> bool:
-        """Returns True if the canvas is as it was left, False if it has changed and that is accepted.
-
-        Raises FrameRejected if nobody accepts the change.
-        """
-        assert self._reopened is not None
-        if self._reopened.accept_changes:
-            return False
-        try:
-            self._reopened.require_as_left(session.observer.good, self.planner, before, now)
-        except FrameRejected as difference:
-            if self.controls.paint_on(str(difference), now):
-                return False
-            raise FrameRejected(
-                f"{difference} Look at {self.folder / NOW}; if it is to be painted on as it is, say --accept-changes"
-            ) from difference
-        return True
-
-    def _repaints(self, now: Tensor) -> bool:
-        """Returns True if the stroke in doubt is painted again; saves a picture of it."""
-        assert self._reopened is not None
-        picture = self._reopened.stroke_in_doubt(self.planner, now)
-        number = self._reopened.history.in_doubt
-        if picture is None or number is None:
-            return False
-        images.save(picture, self.folder / NOW)
-        return self.controls.repaint(number, picture)
-
 
 @contextmanager
 def _take_back_on_failure(folder: Path, *, made: bool) -> Iterator[None]:
@@ -668,11 +648,7 @@ def _take_back_on_failure(folder: Path, *, made: bool) -> Iterator[None]:
 
 
 def paint(
-    photo: str | Path | None = None,
-    *,
-    text: str | None = None,
-    folder: str | Path | None = None,
-    **settings: Any,
+    photo: str | Path | None = None, *, text: str | None = None, folder: str | Path | None = None, **settings: Any
 ) -> RunOutcome:
     """Paints a photograph, words, or both, in the virtual studio by default; returns the outcome.
 

@@ -22,6 +22,8 @@ RECORD = "record.json"
 _FORMAT, _VERSION = "frida-painter record", 1
 _PROMISED = "cpu"  # the device on which equal settings give equal bytes
 _MAX_TOLD = 12
+_GONE = "gone"
+_WEIGHTS = "weights of "
 _UNFINISHED = "It was never finished, so there is nothing to compare with; finish it first."
 NO_RECORD = f"Its folder holds no {RECORD}: that was taken away, or an older version of the program kept none."
 _AS_LEFT = "Every file in its folder is as it was left."
@@ -163,10 +165,6 @@ def compare_files(before: Mapping[str, str], now: Mapping[str, str]) -> dict[str
         for name in sorted({*before, *now})
         if before.get(name) != now.get(name)
     }
-
-
-_GONE = "gone"
-_WEIGHTS = "weights of "
 
 
 def _hash_inputs(spec: RunSpec, brushes: tuple[str, ...], folder: Path) -> dict[str, str]:

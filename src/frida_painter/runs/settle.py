@@ -10,53 +10,48 @@ import torch
 from torch import Tensor
 
 from frida_painter import images, registry
-from frida_painter.brush.kinds import StrokeModel, brush_kind
+from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import AnyBrush, load_stroke_model
 from frida_painter.calibration import Calibration
-from frida_painter.canvas_size import CanvasSize
-from frida_painter.compiled import await_loops
 from frida_painter.easel.kinds import easel_kind
 from frida_painter.easel.operator import ground_recipe
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.hardware.easel import Easel
 from frida_painter.images import AnyPicture
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import ANY_PAINTS, PaintSet
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.objectives.objective import (
-    Goal,
-    Term,
-)
+from frida_painter.objectives.objective import Goal, Term
 from frida_painter.palette import Palette, from_hex, to_hex
-from frida_painter.perception.flatfield import FlatField
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import ground_around_things, proposed_ground
 from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.optimize import Step
-from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner, stroke_models
 from frida_painter.planning.problem import Region
 from frida_painter.planning.settings import FEWEST_FOR_LAYERS, PlannerSettings
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.fields import OF_SCENE, ground_color, rgb
+from frida_painter.runs.fields import AUTO, OF_SCENE, family_shares, rgb
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_terms
-from frida_painter.runs.shares import AUTO, brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.controls import Controls
-from frida_painter.session.events import Notify
-from frida_painter.session.hand import Hand, with_measured_dip
-from frida_painter.session.journal import History, Journal
-from frida_painter.session.loop import Extent, PaintingSession
-from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver, CanvasStart
+from frida_painter.session.journal import History
+from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter.session.opening import planning_device
 from frida_painter.session.replan_policy import EvenlySpaced, NeverLooks, ReplanPolicy, parse_replan_policy
 from frida_painter.strokes import Strokes
 
 _TOLD = 0.01  # share of a picture that may be cut off without a remark, because pixels are whole numbers
+_FIT = {
+    "canvas": "the canvas has the picture's proportions",
+    "crop": "the picture was cropped to the canvas",
+    "pad": "the picture was padded to the canvas",
+}
+_DARKEST_OF_STUDIO = "#121212"  # its soot reflects 0.6 % of the light
+_ON_GPU = 100.0  # work of a network on a GPU in the time of a processor, at least
+_load_family = registry.Later("frida_painter_calibration.teaching.families:load_family")
 
 
 @dataclass(frozen=True)
@@ -89,48 +84,28 @@ def fit_canvas(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> F
     if picture is not None and shaped:
         canvas = canvas.crop_like(*picture.shape[1:])
     spec = spec.model_copy(update={"canvas": canvas}).as_kept
-    remark = "" if picture is None or spec.fit == "pad" else _describe_crop(picture, spec.canvas)
-    grid = PixelGrid.of_height(spec.canvas, max(PHOTOGRAPH_ROWS, spec.render_height))
-    place = images.pad if spec.fit == "pad" else images.fit
-    target = None if picture is None else place(picture, grid.rows, grid.columns)
-    return Fitted(spec, goal.fit_to(*_planning_size(spec), pad=spec.fit == "pad"), target, remark)
-
-
-def _planning_size(spec: RunSpec) -> tuple[int, int]:
-    """Returns rows and columns of the pictures for a planner: a multiple of its planning image.
-
-    The planner's pixels are then exact means of whole pixels, and no detail is lost before.
-    """
-    grid = PixelGrid.of_height(spec.canvas, spec.render_height)
-    times = math.ceil(PHOTOGRAPH_ROWS / grid.rows)
-    return times * grid.rows, times * grid.columns
-
-
-def _describe_crop(picture: Tensor, canvas: CanvasSize) -> str:
-    """Returns a sentence about the part that a crop removes; "" if it is tiny."""
-    share = (picture.shape[2] / picture.shape[1]) / (canvas.width / canvas.height)
-    lost, side = (1 - 1 / share, "width") if share > 1 else (1 - share, "height")
-    if lost <= _TOLD:
-        return ""
-    return (
-        f"The picture is cropped to the canvas: {100 * lost:.0f} % of its {side} is left out. "
-        "To paint all of it, give --fit pad, or a canvas in its proportions."
+    pads = spec.fit == "pad"
+    fine, planned = (
+        PixelGrid.of_height(spec.canvas, rows)
+        for rows in (max(PHOTOGRAPH_ROWS, spec.render_height), spec.render_height)
     )
-
-
-# Opening of a run's parts: its planner, its session at an easel, and its recorder.
-
-_FIT = {
-    "canvas": "the canvas has the picture's proportions",
-    "crop": "the picture was cropped to the canvas",
-    "pad": "the picture was padded to the canvas",
-}
-
-_DARKEST_OF_STUDIO = "#121212"  # its soot reflects 0.6 % of the light
-
-
-_load_family = registry.Later("frida_painter_calibration.teaching.families:load_family")
-_ON_GPU = 100.0  # work of a network on a GPU in the time of a processor, at least
+    # a multiple of the planning image, whose pixels are then exact means of whole pixels, and no detail is lost before
+    times = math.ceil(PHOTOGRAPH_ROWS / planned.rows)
+    goal = goal.fit_to(times * planned.rows, times * planned.columns, pad=pads)
+    if picture is None:
+        return Fitted(spec, goal, None)
+    target = (images.pad if pads else images.fit)(picture, fine.rows, fine.columns)
+    share = (picture.shape[2] / picture.shape[1]) / (spec.canvas.width / spec.canvas.height)
+    lost, side = (1 - 1 / share, "width") if share > 1 else (1 - share, "height")
+    if pads or lost <= _TOLD:
+        return Fitted(spec, goal, target)
+    return Fitted(
+        spec,
+        goal,
+        target,
+        f"The picture is cropped to the canvas: {100 * lost:.0f} % of its {side} is left out. "
+        "To paint all of it, give --fit pad, or a canvas in its proportions.",
+    )
 
 
 def wanted_ground(spec: RunSpec) -> str:
@@ -145,7 +120,8 @@ def wanted_ground(spec: RunSpec) -> str:
     if not spec.simulated or spec.studio_canvas is not None or spec.on_canvas:
         return "white"
     kinds = {item.kind for item in spec.goal}
-    if spec.is_composed or "style" in kinds:
+    composed = "text" in kinds and not spec.initial and kinds <= {"text", "sketch", "style"}
+    if composed or "style" in kinds:
         return OF_SCENE
     pictured = not spec.initial and not kinds.isdisjoint(("image", "semantic"))
     return AUTO if pictured and spec.strokes >= FEWEST_FOR_LAYERS else "white"
@@ -197,8 +173,6 @@ def open_planner(
             f"--pictures was given {networks.idle_pictures}, and nothing of this goal is made of pictures of things; "
             "leave it out, or give words alone (--text)."
         )
-    if device.type == "cpu":
-        await_loops(tell)
     return planner
 
 
@@ -211,7 +185,11 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
     names, shares = spec.brush_names, spec.shares
     layers = spec.layers if len(names) == 1 or not spec.names_brushes else len(names)
     if model is None:
-        models = {name: cached_table(load_stroke_model(_source(name, known))) for name in names}
+        models: dict[str, StrokeModel] = {}
+        for name in dict.fromkeys(names):
+            is_known = known is not None and name in (known.brush, *known.others)
+            learned = known.of_brush(name).weights if known is not None and is_known else None
+            models[name] = cached_table(load_stroke_model(name if learned is None else Path(learned.path)))
         model = [models[name] for name in names]
     else:
         layers, shares = spec.layers, None
@@ -224,20 +202,11 @@ def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] |
         "layers": 1 if layers is None and (spec.is_short or spec.together) else layers,
         "shares": shares,
         "new_paints": spec.new_paints is not False and spec.palette is None,
-        "ground": ground_color(wanted_ground(spec)) or WHITE,
+        "ground": WHITE if (ground := wanted_ground(spec)) in (AUTO, OF_SCENE) else rgb(ground),
         "darkest": darkest_paint(spec),
         "paints": spec.paints if spec.palette is None else ANY_PAINTS,
     }
     return PlannerSettings(spec.canvas, model, **told)
-
-
-def _source(brush: str, known: Calibration | None) -> str | Path:
-    """Returns the source of a brush's stroke model: the file in the calibration record, or the brush name."""
-    if known is not None and brush in (known.brush, *known.others):
-        learned = known.of_brush(brush).weights
-        if learned is not None:
-            return Path(learned.path)
-    return brush
 
 
 def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
@@ -250,44 +219,6 @@ def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
     return parse_replan_policy(spec.replan_policy) if spec.replan_policy else EvenlySpaced(spec.replans, layers)
 
 
-def open_session(
-    spec: RunSpec,
-    planner: Planner,
-    easel: Easel,
-    controls: Controls,
-    *,
-    notify: Notify,
-    journal: Journal,
-    light: FlatField | None = None,
-    placement: Placement | None = None,
-) -> PaintingSession:
-    """Opens a session on an easel with connected robot and camera.
-
-    Raises LibraryError if the stroke library is damaged.
-
-    light, placement: light and placement learned in an earlier run.
-    """
-    first, *others = (
-        with_measured_dip(brush_kind(name), easel.calibration, simulated=easel.simulated) for name in planner.brushes
-    )
-    # A person's hand has no heights to correct.
-    where = placement or Placement.unknown({} if spec.by_hand else easel.calibration.depths)
-    return PaintingSession(
-        planner,
-        Hand(easel, first, where, others=tuple(others), drying=60 * spec.drying),
-        CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, controls.paint_on), light),
-        replan_policy(spec, planner.layer_sizes(spec.strokes)),
-        notify=notify,
-        journal=journal,
-        controls=controls,
-        extent=Extent(
-            None if spec.minutes is None else 60 * spec.minutes,
-            spec.strokes if spec.together else None,
-            spec.film_length,
-        ),
-    )
-
-
 def open_recorder(
     spec: RunSpec, target: Tensor | None, planner: Planner, folder: Path, before: History | None
 ) -> Recorder:
@@ -298,9 +229,10 @@ def open_recorder(
     """
     encoders, first = planner.encoders, next(iter(spec.goal), None)
     kind = easel_kind(spec.robot)
+    goal_facts = (*spec.goal_facts, *making_facts(*spec.goal, *spec.initial))
+    looks = str(spec.replans) if spec.has_camera else "no camera; only at pictures of a person"
     facts = (
-        *spec.goal_facts,
-        *making_facts(*spec.goal, *spec.initial),
+        *goal_facts,
         *((f"{choice.purpose.capitalize()} seen through", choice.used) for choice in encoders.choices),
         *((f"Better for {choice.purpose}", choice.better) for choice in encoders.choices if choice.better),
         *(("Remark", remark) for remark in encoders.remarks),
@@ -308,19 +240,18 @@ def open_recorder(
         *([("Ground", ground_recipe(planner.ground))] if planner.ground != WHITE else []),
         *([("Fit", _FIT[spec.fit])] if target is not None else []),
         ("Brush" if len(planner.models) == 1 else "Brushes", ", ".join(planner.models)),
-        ("Looks and replans", _describe_looks(spec)),
+        ("Looks and replans", "a look after every turn" if spec.together else looks),
         ("Planned at", f"{spec.render_height} rows"),
         ("Seed", str(spec.seed)),
         ("Robot", kind.title if kind is not None and kind.simulated else spec.robot),
     )
     settings = {
         **({"photo": Path(first.value).name} if first is not None and first.kind == "image" else {}),
-        "goal": [list(fact) for fact in (*spec.goal_facts, *making_facts(*spec.goal, *spec.initial))],
+        "goal": [list(fact) for fact in goal_facts],
         "encoders": [asdict(choice) for choice in encoders.choices],
         "remarks": list(encoders.remarks),
         **spec.record(),
     }
-    pictured = before is not None and before.is_pictured
     return Recorder(
         folder,
         spec.heading,
@@ -331,15 +262,9 @@ def open_recorder(
         spec.film_length,
         before,
         has_camera=spec.has_camera,
-        watched=spec.has_camera or pictured,
+        watched=spec.has_camera or (before is not None and before.is_pictured),
         owned=paints_for_recipes(spec),
     )
-
-
-def _describe_looks(spec: RunSpec) -> str:
-    if spec.together:
-        return "a look after every turn"
-    return str(spec.replans) if spec.has_camera else "no camera; only at pictures of a person"
 
 
 # Beginning of a painting without a goal: the paints in the wells, and a plan without strokes.
@@ -377,57 +302,26 @@ def settle_ground(
     notify: called at every step of quick plans.
     Raises ConfigError if the ground is "auto" and the goal has no picture.
     """
-    wanted = wanted_ground(spec)
+    wanted, said = wanted_ground(spec), ""
     if wanted == AUTO:
-        color, said = (
-            proposed_ground(planner, spec.strokes, spec.colors, notify),
-            "The ground that suits this picture best: {}.",
-        )
+        color = proposed_ground(planner, spec.strokes, spec.colors, notify)
+        said = "The ground that suits this picture best: {}."
     elif wanted == OF_SCENE:
         color = ground_around_things(planner)
         said = "" if color == WHITE else "The canvas is toned in the commonest colour around what is shown: {}."
     else:
         return planner, wanted, ""
-    ground = _name_colors(color)
+    ground = _name_color(color)
     return planner.on_ground(color), ground, said.format(ground)
 
 
 def ground_of(plan: Plan) -> str:
     """Returns the ground of a plan in the form of --ground."""
-    return _name_colors(plan.ground)
+    return _name_color(plan.ground)
 
 
-def _name_colors(color: tuple[float, float, float]) -> str:
+def _name_color(color: tuple[float, float, float]) -> str:
     return "white" if color == WHITE else to_hex(torch.tensor(color))
-
-
-# Choice of the brushes for a picture, by quick plans with several of them.
-
-IN_ONE_LAYER = ("broad", "medium", "fine")
-IN_LAYERS = ("broad:30%,medium:35%,fine:35%", "broad:50%,medium:50%", "medium:50%,fine:25%,fine:25%")
-_TRYING = 0.25  # factor of the effort
-_MIN_EFFORT = 0.05
-
-
-def choose_brushes(
-    spec: RunSpec,
-    goal: Goal,
-    encoders: EncoderRegistry | None = None,
-    notify: Callable[[Step], None] = lambda step: None,
-) -> str:
-    """Returns the brushes, in the form of --brushes, whose quick plan has the least expected loss.
-
-    A real easel offers the brushes of its calibration record.
-    notify: called at every step.
-    Raises ConfigError if the record has none of these brushes, and the errors of `open_planner`.
-    """
-
-    def expected_loss(brushes: str) -> float:
-        effort = max(_MIN_EFFORT, _TRYING * spec.effort)
-        planner = open_planner(spec.model_copy(update={"brushes": brushes, "effort": effort}), goal, encoders)
-        return planner.expected_loss(planner.plan(planner.bare, spec.strokes, spec.colors, notify), planner.bare)
-
-    return min(choices(spec), key=expected_loss)
 
 
 def name_families(spec: RunSpec) -> RunSpec:
@@ -439,49 +333,7 @@ def name_families(spec: RunSpec) -> RunSpec:
     return spec.model_copy(update={"brushes": spec.layer_brushes, "strokes_of": None})
 
 
-def choices(spec: RunSpec) -> Sequence[str]:
-    """Returns the brushes to choose from, in the form of --brushes.
-
-    Raises ConfigError if the calibration record has none of them.
-    """
-    several = spec.strokes >= FEWEST_FOR_LAYERS and not spec.is_short
-    named = (*(IN_LAYERS if several else ()), *([] if several and spec.simulated else IN_ONE_LAYER))
-    if spec.simulated or spec.calibration is None:
-        return named
-    known = Calibration.load(spec.calibration)
-    there = {known.brush, *known.others}
-    found = [brushes for brushes in named if there.issuperset(brush for brush, _ in brush_shares(brushes))]
-    if not found:
-        raise ConfigError(
-            f"--brushes auto chooses among {', '.join(IN_ONE_LAYER)}, and the calibration record knows "
-            f"{', '.join(sorted(there))}; name the brush, or calibrate another one: calibrate brush --brush medium."
-        )
-    return found
-
-
-def brushes_of(plan: Plan) -> str:
-    """Returns the brushes of a plan's layers with their shares, in the form of --brushes."""
-    shares = [(layer.kind, 100 * layer.strokes / len(plan)) for layer in plan.layers if layer.strokes]
-    return ",".join(f"{brush}:{share:.4f}%" for brush, share in shares)
-
-
 # Settling of a description: open settings are chosen once, and the planner is opened.
-
-_SETTLING_KINDS: dict[type[Term], str] = {term: name for name, term in OF_PICTURES.items()}
-
-
-@dataclass(frozen=True)
-class SettledRun:
-    """Painting with all settings chosen.
-
-    spec: description with its canvas, brushes and ground.
-    planner: its planner on that ground.
-    remarks: sentences for the person about the choices.
-    """
-
-    spec: RunSpec
-    planner: Planner
-    remarks: tuple[str, ...]
 
 
 def settle(
@@ -491,9 +343,10 @@ def settle(
     region: Region | None = None,
     tell: Callable[[str], None] = lambda sentence: None,
     heed: Callable[[], None] = lambda: None,
-) -> SettledRun:
-    """Chooses open brushes and an open ground by quick plans, and opens the planner.
+) -> tuple[RunSpec, Planner, str]:
+    """Chooses an open ground by quick plans; returns the description with brushes and ground, and its planner.
 
+    Also returns a sentence for the person about the choice, "" if nothing was chosen.
     made: description and goal, fitted to each other.
     encoders: networks that judge the goal. None: the fetched ones.
     region: part of the canvas that strokes keep clear of.
@@ -501,36 +354,19 @@ def settle(
     heed: called often in waits; may raise to end them.
     Raises like `open_planner`.
     """
-    spec, remarks = made.spec, []
-    said: set[str] = set()
+    said: list[str] = []
 
-    def choosing(what: str) -> None:
+    def choosing(step: Step) -> None:
         heed()
-        if what not in said:
-            said.add(what)
-            tell(f"Choosing the {what}, by quick plans.")
+        if not said:
+            said.append("Choosing the ground, by quick plans.")
+            tell(said[0])
 
-    if spec.brushes == AUTO:
-        brushes = choose_brushes(spec, made.goal, encoders, notify=lambda step: choosing("brushes"))
-        spec = spec.model_copy(update={"brushes": brushes})
-        remarks.append(f"The brushes that suit this picture best: {brushes}.")
-    spec = name_families(spec)
+    spec = name_families(made.spec)
     planner = open_planner(spec, made.goal, encoders, tell=tell, heed=heed)
-    planner, ground, remark = settle_ground(spec, planner, lambda step: choosing("ground"))
-    if spec.ground != ground:
-        spec = spec.model_copy(update={"ground": ground})
-    remarks += [remark] if remark else []
-    return SettledRun(spec, planner if region is None else planner.keeping_clear(region), tuple(remarks))
-
-
-def check(made: Fitted, encoders: EncoderRegistry | None = None) -> Planner:
-    """Returns a planner of this description. Raises what `settle` would raise; makes no quick plans."""
-    spec = made.spec
-    if spec.brushes == AUTO:
-        spec = spec.model_copy(update={"brushes": choices(spec)[0]})
-    planner = open_planner(name_families(spec), made.goal, encoders)
-    planner.layer_sizes(spec.strokes)
-    return planner
+    planner, ground, remark = settle_ground(spec, planner, choosing)
+    spec = spec.model_copy(update={"ground": ground})
+    return spec, planner if region is None else planner.keeping_clear(region), remark
 
 
 def make_planner(
@@ -556,18 +392,18 @@ def make_planner(
         (10, ('broad',))
     """
     wanted = goal if isinstance(goal, Goal) else make_goal(goal)
-    described = {"goal": _describe_terms(wanted.terms), "initial": _describe_terms(wanted.initial)}
     if "goal" in settings or "initial" in settings:
         raise ConfigError("make_planner takes its goal first, and it was given as a setting; use make_goal for it.")
-    settings.update(described)
+    settings |= {"goal": _describe_terms(wanted.terms), "initial": _describe_terms(wanted.initial)}
     made = fit_canvas(RunSpec.of(**settings), wanted)
     if model is None:
-        return settle(made, encoders).planner
+        return settle(made, encoders)[1]
     planner = open_planner(made.spec, made.goal, encoders, stroke_models(model))
     return settle_ground(made.spec, planner)[0]
 
 
 def _describe_terms(terms: Sequence[Term]) -> list[dict[str, object]]:
     """Returns terms in the form of a description, without pictures; the defaults depend only on their kinds."""
-    kinds = [(term, _SETTLING_KINDS.get(type(term), None if term.words is None else "text")) for term in terms]
+    names: dict[type[Term], str] = {term: name for name, term in OF_PICTURES.items()}
+    kinds = [(term, names.get(type(term), None if term.words is None else "text")) for term in terms]
     return [{kind: term.words or "given as a picture"} for term, kind in kinds if kind is not None]

@@ -22,7 +22,7 @@ from frida_painter import images, storage, weights
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, HandInError
 from frida_painter.objectives.encoders.base import Seer
-from frida_painter.objectives.encoders.classifiers import EfficientNetLite
+from frida_painter.objectives.encoders.convolutional import EfficientNetLite
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.palette import Palette, to_lab
 from frida_painter.plan import WHITE, Plan

@@ -235,7 +235,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
       wish.minutes = null;
       wish.strokes_of = "";
       if (wish.ground === "auto") wish.ground = null;
-      if (wish.brushes.includes(",") || wish.brushes === "auto") wish.brushes = "";
+      if (wish.brushes.includes(",")) wish.brushes = "";
     }
     how.hidden = on;
     tellTime();

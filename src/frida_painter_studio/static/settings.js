@@ -21,7 +21,6 @@ const BRUSHES = [
   { value: "fine", label: "fine", picture: [[FINE, wave(12)]] },
   { value: "broad,medium", label: "broad, medium", picture: [[BROAD, wave(8)], [MEDIUM, wave(18)]] },
   { value: "broad,medium,fine", label: "broad, medium, fine", picture: [[BROAD, wave(6)], [MEDIUM, wave(14)], [FINE, wave(20)]] },
-  { value: "auto", label: "best suited", picture: [[1.8, "M18 3v6M18 15v6M9 12h6M21 12h6"]] },
 ];
 const OURS = ["broad", "medium", "fine"];
 
@@ -32,7 +31,7 @@ export const oneBrush = (house) => [...OURS, ...(house.simulated ? [] : house.br
 export const brushes = (house) => [...BRUSHES, ...oneBrush(house).slice(OURS.length).map((brush) => ({ ...brush, picture: /** @type {import("./dom.js").Lines} */ ([[MEDIUM, wave(12)]]) }))];
 
 /** "fine brush", "broad, medium brushes", "usual brushes". @param {string} names */
-export const brushesInWords = (names) => `${BRUSHES.find(({ value }) => value === names)?.label ?? names} ${names && names !== "auto" && !names.includes(",") ? "brush" : "brushes"}`;
+export const brushesInWords = (names) => `${BRUSHES.find(({ value }) => value === names)?.label ?? names} ${names && !names.includes(",") ? "brush" : "brushes"}`;
 
 /** @type {{ value: string, label: string, title: string, picture: import("./dom.js").Lines }[]} */
 export const FOCUS = [

@@ -23,7 +23,7 @@ test("brushes of other packages can be chosen on a real easel, and all are named
   assert.deepEqual(oneBrush(real).map(({ value }) => value), ["broad", "medium", "fine", "mop"]);
   assert.ok(brushes(real).some(({ value }) => value === "mop"));
   assert.ok(!brushes({ ...real, simulated: true }).some(({ value }) => value === "mop"), "the virtual studio has no mop");
-  assert.deepEqual(["", "auto", "fine", "mop", "broad,medium"].map(brushesInWords), ["usual brushes", "best suited brushes", "fine brush", "mop brush", "broad, medium brushes"]);
+  assert.deepEqual(["", "fine", "mop", "broad,medium"].map(brushesInWords), ["usual brushes", "fine brush", "mop brush", "broad, medium brushes"]);
 });
 
 test("the sentence about a look says what it was for and does not claim that nothing changed", () => {
