@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from http.server import ThreadingHTTPServer
 from pathlib import Path
 from shutil import copytree
 from threading import Thread
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import huggingface_hub.constants
 import numpy as np
@@ -28,6 +28,7 @@ from frida_painter_words.picture_makers.diffusion import DiffusionMaker
 from frida_painter_words.picture_makers.making import PictureRequest, make_pictures
 from frida_painter_words.picture_makers.pipeline_process import _require_picture
 from tiny_pipelines import write_flux, write_lookalike, write_pipeline, write_stable_diffusion_3
+from weights.test_hub_folder import Answers
 
 
 @pytest.fixture(scope="module")
@@ -327,57 +328,13 @@ def test_what_is_refused_before_anything(tmp_path: Path, monkeypatch: pytest.Mon
         DiffusionMaker.parse(text)
 
 
-class _Hub(BaseHTTPRequestHandler):
-    """A hub that has one repository, somebody/tiny, in a folder."""
-
-    root: Path
-    asked: list[str]
-
-    def log_message(self, *words: object) -> None:
-        pass
-
-    def do_HEAD(self) -> None:
-        self.do_GET()
-
-    def do_GET(self) -> None:
-        path = self.path.partition("?")[0]
-        files = sorted(file for file in self.root.rglob("*") if file.is_file())
-        if "/tree/" in path:
-            listed = [(file.relative_to(self.root).as_posix(), file.stat().st_size) for file in files]
-            content = json.dumps(
-                [{"type": "file", "path": name, "size": size, "oid": name} for name, size in listed]
-            ).encode()
-        elif path.startswith("/api/models/somebody/tiny"):
-            siblings = [
-                {"rfilename": file.relative_to(self.root).as_posix(), "size": file.stat().st_size} for file in files
-            ]
-            content = json.dumps({"id": "somebody/tiny", "sha": "0" * 40, "siblings": siblings}).encode()
-        elif (
-            path.startswith("/somebody/tiny/resolve/") and (file := self.root.joinpath(*path.split("/")[5:])).is_file()
-        ):
-            content = file.read_bytes()
-        else:
-            self.send_error(404)
-            return
-        if self.command == "GET" and "/resolve/" in path:
-            self.asked.append(path.rpartition("/")[2])
-        self.send_response(200)
-        for name, value in (
-            ("Content-Length", str(len(content))), ("ETag", f'"{abs(hash(path))}"'), ("X-Repo-Commit", "0" * 40),
-            ("Content-Type", "application/json"),
-        ):  # fmt: skip
-            self.send_header(name, value)
-        self.end_headers()
-        if self.command == "GET":
-            self.wfile.write(content)
-
-
 @pytest.fixture
-def hub(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[_Hub]]:
-    """A hub on this machine, and a cache of its own."""
+def hub(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[Answers]]:
+    """A hub on this machine with the repository some/clip, empty at first, and a cache of its own."""
 
-    class Hub(_Hub):
-        root, asked = tmp_path / "repository", []
+    class Hub(Answers):
+        files: ClassVar[dict[str, bytes]] = {}
+        asked: ClassVar[list[str]] = []
 
     monkeypatch.setenv("HF_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("HF_HUB_DISABLE_XET", "1")
@@ -393,32 +350,35 @@ def hub(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[type[_Hub]]
         thread.join()
 
 
+def publish(hub: type[Answers], folder: Path) -> None:
+    files = (file for file in folder.rglob("*") if file.is_file())
+    hub.files = {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}
+
+
 @pytest.mark.usefixtures("here")
 @pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
-def test_a_name_on_the_hub_is_fetched_once_without_pickles(tmp_path: Path, pipeline: Path, hub: type[_Hub]) -> None:
-    copytree(pipeline, hub.root)
-    (hub.root / "unet" / "diffusion_pytorch_model.bin").write_bytes(b"a pickle")
-    (hub.root / "unet" / "diffusion_pytorch_model.fp16.safetensors").write_bytes(b"a variant")
-    (hub.root / "README.md").write_text("# A network")
+def test_a_name_on_the_hub_is_fetched_once_without_pickles(tmp_path: Path, pipeline: Path, hub: type[Answers]) -> None:
+    publish(hub, pipeline)
+    unwanted = {f"unet/diffusion_pytorch_model.{end}": b"" for end in ("bin", "fp16.safetensors")} | {"README.md": b"#"}
+    hub.files = {**hub.files, **unwanted}
     told: list[str] = []
-    maker = DiffusionMaker.parse("somebody/tiny")
+    maker = DiffusionMaker.parse("some/clip")
     assert maker.here is None and not hub.asked, "nothing is fetched before pictures are made"
-    assert len(maker.make(ask(tmp_path / "a", told))) == 1 and maker.facts["model"] == "somebody/tiny"
-    assert told[0].startswith("Fetching somebody/tiny from http://127.0.0.1") and told[0].endswith("once, 0 MB.")
-    assert not {"diffusion_pytorch_model.bin", "diffusion_pytorch_model.fp16.safetensors", "README.md"} & {*hub.asked}
+    assert len(maker.make(ask(tmp_path / "a", told))) == 1 and maker.facts["model"] == "some/clip"
+    assert told[0].startswith("Fetching some/clip from http://127.0.0.1") and told[0].endswith("once, 0 MB.")
+    assert not {*unwanted} & {*hub.asked}
     hub.asked.clear()
-    there = DiffusionMaker.parse("somebody/tiny")
+    there = DiffusionMaker.parse("some/clip")
     assert there.here is not None and there.here.steps == 4
     there.make(ask(tmp_path / "b"))
     assert not hub.asked, "what is here is not asked for"
     there.here.weights[0].unlink()
-    assert DiffusionMaker.parse("somebody/tiny").here is None, "half a download is fetched again"
+    assert DiffusionMaker.parse("some/clip").here is None, "half a download is fetched again"
 
 
 def test_names_that_the_hub_does_not_have_and_hubs_that_are_not_there(
-    tmp_path: Path, hub: type[_Hub], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, hub: type[Answers], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    hub.root.mkdir()
     with pytest.raises(MakingFailed, match=r"somebody/else cannot be fetched from the hub \(.*404"):
         DiffusionMaker.parse("somebody/else").make(ask(tmp_path / "a"))
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
@@ -444,10 +404,12 @@ def test_names_that_the_hub_does_not_have_and_hubs_that_are_not_there(
     assert len(tries) == 1, "without retries"
 
 
-def test_a_name_whose_pipeline_wants_code_is_refused_before_its_weights_come(tmp_path: Path, hub: type[_Hub]) -> None:
-    write_lookalike(hub.root)
-    index = hub.root / "model_index.json"
+def test_a_name_whose_pipeline_wants_code_is_refused_before_its_weights_come(
+    tmp_path: Path, hub: type[Answers]
+) -> None:
+    index = write_lookalike(tmp_path / "net") / "model_index.json"
     index.write_text(index.read_text().replace('"StableDiffusionPipeline"', '["mine", "Mine"]'))
+    publish(hub, tmp_path / "net")
     with pytest.raises(MakingFailed, match="wants code of its own to be run"):
-        DiffusionMaker.parse("somebody/tiny").make(ask(tmp_path / "a"))
+        DiffusionMaker.parse("some/clip").make(ask(tmp_path / "a"))
     assert hub.asked == ["model_index.json"]

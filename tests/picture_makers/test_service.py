@@ -6,7 +6,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -54,8 +54,8 @@ class _Handler(BaseHTTPRequestHandler):
         self.server.asked.append({"method": "GET"})
 
 
-@pytest.fixture
-def server() -> Iterator[Service]:
+@contextmanager
+def open_service() -> Iterator[Service]:
     with Service(("127.0.0.1", 0), _Handler) as running:
         running.asked, running.over = [], Event()
         thread = Thread(target=running.serve_forever, kwargs={"poll_interval": 0.01})
@@ -64,6 +64,12 @@ def server() -> Iterator[Service]:
         running.over.set()
         running.shutdown()
         thread.join()
+
+
+@pytest.fixture
+def server() -> Iterator[Service]:
+    with open_service() as running:
+        yield running
 
 
 def picture(color: int = 200) -> bytes:

@@ -78,6 +78,7 @@ REFUSED: dict[str, list[dict[str, Any]]] = {
     "imagining": [
         {"words": "a hat", "maker": "command: true", "seed": -1}, {"words": "--out=x", "maker": "command: true"},
         {"words": "a hat", "maker": "command:touch here"}, {"words": "a\x1bhat", "maker": "command: true"},
+        {"words": "@file", "maker": "command: true"}, {"words": "a hat", "maker": "command: true", "out": "here"},
     ],
 }  # fmt: skip
 

@@ -80,10 +80,6 @@ def test_how_long_the_paint_still_dries_is_shown() -> None:
     assert (painting["status"], painting["dries"]) == ("drying", 660.0)
 
 
-def test_while_the_rest_is_planned_again_it_is_said_so() -> None:
-    assert told(*PLANNED, *PAINTED[:7]).to_plain(AT_WORK)["painting"]["status"] == "planning"
-
-
 def test_a_pause_holds_while_it_does_what_was_asked_for_in_it() -> None:
     paused = {"kind": "paused", "reason": "You asked for a pause.", "cause": "person"}
     asked = [*PLANNED, *PAINTED, paused, {"kind": "considering"}, PAINTED[5], PAINTED[7]]
@@ -91,17 +87,6 @@ def test_a_pause_holds_while_it_does_what_was_asked_for_in_it() -> None:
     for lines in ([*PLANNED, *PAINTED, paused], asked, [*asked, paused]):
         assert told(*lines).to_plain(AT_WORK)["painting"]["held"] is True
     assert told(*asked, {"kind": "went_on"}).to_plain(AT_WORK)["painting"]["held"] is False
-
-
-def test_how_a_painting_ends_is_kept() -> None:
-    stopped = told(*PLANNED, *PAINTED, {"kind": "stopped", "done": 3}).to_plain(AT_REST)
-    assert stopped["painting"]["status"] == "stopped" and stopped["stopped"] and not stopped["trouble"]
-    failed = told(*PLANNED, *PAINTED, {"kind": "failed", "reason": "The robot is gone."}).to_plain(AT_REST)
-    assert failed["painting"]["status"] == "failed" and failed["trouble"] == "The robot is gone."
-    kept = told(*PLANNED, *PAINTED, {"kind": "stopped"}, {"kind": "finishing"}, {"kind": "painting_kept", "film": True})
-    assert tell_status(kept, AT_REST).stage == "stopped" and kept.to_plain(AT_REST)["painting"]["kept"]
-    finished = told(*PLANNED, *PAINTED, {"kind": "painting_kept", "film": True}, {"kind": "stopped"})
-    assert tell_status(finished, AT_REST).stage == "finished"
 
 
 STOPPED, FAILED = {"kind": "stopped"}, {"kind": "failed", "reason": "The robot is gone."}
@@ -136,6 +121,7 @@ STATUSES: list[tuple[list[dict[str, Any]], Truth, str, bool, str]] = [
     ([*PLANNED, *PAINTED, FAILED, {"kind": "taken_up", "done": 3}], AT_WORK, "preparing", False, ""),
     ([*PLANNED, *PAINTED, FAILED, {"kind": "taken_up", "done": 3}], AT_REST, "failed", True, "painter's process"),
     ([*PLANNED, *PAINTED, KEPT], AT_REST, "finished", False, ""),
+    ([*PLANNED, *PAINTED, KEPT, STOPPED], AT_REST, "finished", False, ""),
     ([*PLANNED, *PAINTED], Truth(working=True, here=False), "lost", False, "press Stop"),
     ([*PLANNED, *PAINTED], Truth(working=False, here=False), "lost", False, "Nothing of it is left"),
     ([], Truth(working=False, here=False), "lost", False, "was deleted"),
@@ -168,13 +154,6 @@ def test_nothing_is_called_busy_where_nobody_works_and_nothing_is_continued_wher
         shown = state.to_plain(Truth(working=False, begun=begun))
         statuses = [each["status"] for each in (*shown["plans"], *([shown["painting"]] if shown["painting"] else []))]
         assert not set(statuses) & BUSY
-
-
-def test_a_worker_that_vanished_is_noticed() -> None:
-    state = told(*PLANNED, *PAINTED)
-    assert state.to_plain(AT_WORK)["trouble"] == ""
-    assert "without saying why" in state.to_plain(AT_REST)["trouble"]
-    assert "without saying why" in told(*PLANNED[:2]).to_plain(AT_REST)["trouble"]
 
 
 def test_trouble_is_forgotten_when_something_else_is_begun() -> None:

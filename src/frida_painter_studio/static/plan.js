@@ -35,10 +35,7 @@ export function planStage(house, here, first) {
   scrub.addEventListener("input", () => { canvas.fade(1); scrubbed(); });
 
   async function strokesOf(plan) {
-    if (!strokes.has(plan.number)) {
-      strokes.set(plan.number, null);
-      strokes.set(plan.number, await api.get(api.file(here.id, plan.number, `${plan.made.prefix}strokes.json`)).catch(() => null));
-    }
+    if (!strokes.has(plan.number)) strokes.set(plan.number, api.get(api.file(here.id, plan.number, `${plan.made.prefix}strokes.json`)).catch(() => null));
     return strokes.get(plan.number);
   }
 
