@@ -42,7 +42,13 @@ def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     pipeline = _load(task, device)
     width, height = _size(pipeline, task["width"], task["height"])
     arguments = inspect.signature(pipeline.__call__).parameters
-    begins_from = _canvas_for(arguments, task, width, height)
+    begins_from: dict[str, Any] = {}
+    if task["canvas"]:
+        seen = images.load_exactly(Path(task["canvas"]))
+        free = images.load_exactly(Path(task["free"])) if task["free"] else np.full_like(seen, 255)
+        canvas, mask = (Image.fromarray(each).resize((width, height), Image.Resampling.BOX) for each in (seen, free))
+        begins_from = {"image": canvas, "mask_image": mask.convert("L"), "strength": task["strength"]}
+        begins_from = {name: value for name, value in begins_from.items() if name in arguments}
     # Of these steps, an img2img pipeline does the share that is its strength.
     steps = math.ceil(task["steps"] / begins_from.get("strength", 1.0))
     pictures: list[dict[str, str]] = []
@@ -53,7 +59,7 @@ def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         given = {
             "prompt": task["words"], "width": width, "height": height, "num_inference_steps": steps, **begins_from,
             "generator": torch.Generator().manual_seed(seed), "output_type": "np",
-            "callback_on_step_end": _Progress(f"Picture {number} of {len(task['seeds'])}", task["steps"]).hear,
+            "callback_on_step_end": _follow(f"Picture {number} of {len(task['seeds'])}", task["steps"]),
             **({"guidance_scale": 0.0} if task["few"] and not _knows_guidance(pipeline) else {}),
         }  # fmt: skip
         made = pipeline(**{key: value for key, value in given.items() if key in arguments})
@@ -100,9 +106,12 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
     tell(f"Loading {name} on {device.type}.")
     _require_whole(name)
     loader: Any = diffusers.DiffusionPipeline
+    precision = torch.float32
+    if device.type == "cuda":
+        precision = torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
     try:
         pipeline = loader.from_pretrained(
-            task["folder"], variant=task["variant"], torch_dtype=_precision(device), use_safetensors=True,
+            task["folder"], variant=task["variant"], torch_dtype=precision, use_safetensors=True,
             local_files_only=True, low_cpu_mem_usage=False,
         ).to(device)  # fmt: skip
     except torch.OutOfMemoryError as cause:
@@ -135,17 +144,6 @@ def _for_canvas(pipeline: Any, name: str, *, masked: bool) -> Any:
     )
 
 
-def _canvas_for(arguments: Mapping[str, Any], task: Mapping[str, Any], width: int, height: int) -> dict[str, Any]:
-    """Returns what a pipeline is given of the canvas: nothing before a painting."""
-    if not task["canvas"]:
-        return {}
-    seen = images.load_exactly(Path(task["canvas"]))
-    free = images.load_exactly(Path(task["free"])) if task["free"] else np.full_like(seen, 255)
-    canvas, mask = (Image.fromarray(each).resize((width, height), Image.Resampling.BOX) for each in (seen, free))
-    given = {"image": canvas, "mask_image": mask.convert("L"), "strength": task["strength"]}
-    return {name: value for name, value in given.items() if name in arguments}
-
-
 def _require_whole(name: str) -> None:
     """Lets this process load no networks that lack tensors: their libraries fill them by chance, and only log it.
 
@@ -174,19 +172,14 @@ def _load_whole(load: Callable[..., Any], name: str) -> Callable[..., Any]:
     return loading
 
 
-def _precision(device: torch.device) -> torch.dtype:
-    if device.type != "cuda":
-        return torch.float32
-    return torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
+def _config(pipeline: Any) -> Any:
+    """Returns the settings of the network that makes the pictures."""
+    return getattr(getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None), "config", None)
 
 
 def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
     """Returns the wanted proportions in the number of pixels that the network was made for."""
-    network = getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None)
-    cells, scale = (
-        getattr(getattr(network, "config", None), "sample_size", None),
-        pipeline.__dict__.get("vae_scale_factor"),
-    )
+    cells, scale = getattr(_config(pipeline), "sample_size", None), pipeline.__dict__.get("vae_scale_factor")
     if not isinstance(cells, int) or not isinstance(scale, int):
         return width, height
     step = scale * max(1, min(cells // 8, _STEP // scale))
@@ -196,22 +189,22 @@ def _size(pipeline: Any, width: int, height: int) -> tuple[int, int]:
 
 def _knows_guidance(pipeline: Any) -> bool:
     """Returns True for a network that was given the guidance as an input (LCM, Flux): its own default is right."""
-    config = getattr(getattr(pipeline, "unet", None) or getattr(pipeline, "transformer", None), "config", None)
+    config = _config(pipeline)
     return getattr(config, "time_cond_proj_dim", None) is not None or bool(getattr(config, "guidance_embeds", False))
 
 
-class _Progress:
-    """Steps of one picture, told with the time that is left."""
+def _follow(label: str, steps: int) -> Callable[..., dict[str, Any]]:
+    """Returns the callback that tells the steps of one picture, with the time that is left."""
+    began = time.monotonic()
 
-    def __init__(self, label: str, steps: int) -> None:
-        self._label, self._steps, self._began = label, steps, time.monotonic()
-
-    def hear(self, pipeline: Any, step: int, timestep: Any, arguments: dict[str, Any]) -> dict[str, Any]:
-        count = max(self._steps, getattr(pipeline, "_num_timesteps", 0) or 0)
-        left = (time.monotonic() - self._began) / (step + 1) * (count - step - 1)
+    def hear(pipeline: Any, step: int, timestep: Any, arguments: dict[str, Any]) -> dict[str, Any]:
+        count = max(steps, getattr(pipeline, "_num_timesteps", 0) or 0)
+        left = (time.monotonic() - began) / (step + 1) * (count - step - 1)
         more = f", about {left:.0f} s left" if left >= 1 else ""
-        tell(f"{self._label}: step {step + 1} of {count}{more}.")
+        tell(f"{label}: step {step + 1} of {count}{more}.")
         return arguments
+
+    return hear
 
 
 def _require_picture(made: Any, name: str, number: int, width: int, height: int) -> torch.Tensor:
@@ -235,23 +228,6 @@ def _require_picture(made: Any, name: str, number: int, width: int, height: int)
     return values.permute(2, 0, 1).to(torch.float32).clamp(0, 1)
 
 
-def main() -> None:
-    """Does the task in the folder that the command line names; the process also ends if its parent does."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    folder = Path(sys.argv[1])
-    try:
-        storage.write_json(folder / ANSWER, _make(storage.read_json(folder / TASK, "a task"), folder))
-    except FridaError as fault:
-        sentence = str(fault)
-    except Exception as failure:  # foreign libraries may raise anything
-        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:_LONGEST].rstrip(".")
-        sentence = f"The pipeline failed ({why}); name another, or try it without frida-painter."
-    else:
-        return
-    storage.write_text(folder / FAULT, sentence)
-    sys.exit(1)
-
-
 def tell(sentence: str) -> None:
     """Tells the person a sentence."""
     print(f"{TOLD}{sentence}", file=sys.stderr, flush=True)
@@ -261,6 +237,22 @@ def _end_with_parent() -> None:
     while os.read(0, 1):  # ends when the parent does, which holds the other end; sys.stdin would hold a lock at exit
         pass
     os._exit(1)
+
+
+def main() -> None:
+    """Does the task in the folder that the command line names; the process also ends if its parent does."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    folder = Path(sys.argv[1])
+    try:
+        storage.write_json(folder / ANSWER, _make(storage.read_json(folder / TASK, "a task"), folder))
+        return
+    except FridaError as fault:
+        sentence = str(fault)
+    except Exception as failure:  # foreign libraries may raise anything
+        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:_LONGEST].rstrip(".")
+        sentence = f"The pipeline failed ({why}); name another, or try it without frida-painter."
+    storage.write_text(folder / FAULT, sentence)
+    sys.exit(1)
 
 
 if __name__ == "__main__":
