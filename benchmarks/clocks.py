@@ -17,7 +17,10 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
+from frida_painter.palette import Palette
 from frida_painter.planning.problem import PlanningProblem
+from frida_painter.planning.variables import Paints
+from frida_painter.strokes import Strokes
 from frida_painter_lab.experiment import Experiment
 from frida_painter_lab.runs import Value
 from frida_painter_lab.targets import load_shipped_targets
@@ -56,6 +59,14 @@ def median_seconds(work: Callable[[], object], repeats: int) -> float:
 def photograph(name: str) -> Tensor:
     """One of the project's photographs as sRGB [3, H, W] in [0, 1]."""
     return load_shipped_targets([name])[0].picture
+
+
+def in_paints(strokes: Strokes, colors: int) -> tuple[Strokes, Paints]:
+    """The strokes in the nearest of so many paints, from light to dark."""
+    palette = Palette.cluster(strokes.color, torch.ones_like(strokes.length), colors, 0)
+    paint = torch.cdist(strokes.color, palette.color).argmin(1)
+    order = torch.argsort(paint, stable=True)
+    return strokes[order].with_groups(color=palette.color[paint[order]]), Paints(palette.color, paint[order])
 
 
 def blank_problem(picture: Tensor, size: CanvasSize, rows: int, model: StrokeTable) -> tuple[PlanningProblem, Tensor]:

@@ -16,13 +16,12 @@ import torch
 from torch import Tensor
 
 import frida_painter as fp
-from clocks import CANVAS, COLORS, Benchmark, blank_problem, broad_brush, photograph
+from clocks import CANVAS, COLORS, Benchmark, blank_problem, broad_brush, in_paints, photograph
 from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.problem import on_device
-from frida_painter.planning.refine import discretize
 from frida_painter.render import composite_moments, reference
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row
 from frida_painter_lab.runs import Run
@@ -119,7 +118,7 @@ class Gpu(Benchmark):
         problem, _ = blank_problem(photograph("astronaut").to(self.device), CANVAS, rows, broad_brush())
         moved = replace(problem, canvas=problem.canvas.to(self.device), model=on_device(problem.model, self.device))
         spread = uniform(strokes, moved.limits, CANVAS, torch.Generator().manual_seed(0)).to(self.device)
-        found, paints = discretize(spread, moved, min(COLORS, strokes), 0)
+        found, paints = in_paints(spread, min(COLORS, strokes))
 
         def work(iterations: int) -> object:
             return optimize(found, moved, iterations=iterations, paints=paints)

@@ -8,14 +8,23 @@ import torch
 from torch import Tensor
 
 import frida_painter as fp
-from clocks import CANVAS, COLORS, Benchmark, blank_problem, broad_brush, cpu_seconds, median_seconds, photograph
+from clocks import (
+    CANVAS,
+    COLORS,
+    Benchmark,
+    blank_problem,
+    broad_brush,
+    cpu_seconds,
+    in_paints,
+    median_seconds,
+    photograph,
+)
 from frida_painter.errors import WeightsError
 from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.problem import PlanningProblem
-from frida_painter.planning.refine import discretize
 from frida_painter.planning.variables import Paints
 from frida_painter.render import reference, scanline
 from frida_painter.strokes import Strokes
@@ -112,7 +121,7 @@ class Iteration(Benchmark):
         """Strokes in the paints of a palette on a blank canvas, towards a photograph."""
         problem, target = blank_problem(photograph("astronaut"), CANVAS, self.rows, broad_brush())
         strokes = uniform(self.strokes, problem.limits, CANVAS, torch.Generator().manual_seed(0))
-        return *discretize(strokes, problem, min(COLORS, self.strokes), 0), problem, target
+        return *in_paints(strokes, min(COLORS, self.strokes)), problem, target
 
     def runs(self) -> Sequence[Run]:
         return [Run({"iteration": name}) for name in (OURS, ALL_ROWS, FROZEN, LEARNING)]

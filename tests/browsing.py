@@ -1,14 +1,10 @@
-"""A studio in a process of its own, and windows on it in a real Chromium."""
+"""Windows on a studio in a real Chromium."""
 
 import contextlib
 import faulthandler
 import os
-import re
-import select
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +13,8 @@ from typing import Any
 import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from served import Served
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 PATIENCE = 60_000  # ms; the machine that tests may be busy
@@ -57,65 +55,6 @@ def deadline() -> Iterator[None]:
     faulthandler.cancel_dump_traceback_later()
 
 
-class OpenStudio:
-    """A studio that is started, and may be killed and started again."""
-
-    def __init__(self, folder: Path, *more: str) -> None:
-        self.folder, self._more = folder, more
-        self._start()
-
-    def _start(self) -> None:
-        program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(self.folder), "--port", "0"]
-        self._process = subprocess.Popen(
-            [*program, "--pace", "0.05", "--no-browser", *self._more],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ},
-        )  # fmt: skip
-        assert self._process.stdin is not None and self._process.stdout is not None
-        self._terminal, self._said = self._process.stdin, self._process.stdout
-        assert select.select([self._said], [], [], 60)[0], "the studio says nothing"
-        match = re.search(r"http://\S+", self._said.readline())
-        assert match is not None
-        self.address = match[0]
-
-    def fall_over_and_be_started_again(self) -> None:
-        """Killed; the new one has another address and other tokens."""
-        self.kill()
-        self._start()
-
-    def press_enter(self) -> None:
-        """Confirms, in the studio's terminal, that somebody stands beside the machine."""
-        self._terminal.write("\n")
-        self._terminal.flush()
-        assert select.select([self._said], [], [], 60)[0]
-        while "Pressed." not in self._said.readline():
-            pass
-
-    def close(self) -> None:
-        """Ends it as a person does, and whatever a test that failed has left at work."""
-        for painting in self.folder.glob("*/feed.jsonl"):
-            painting.with_name("stop").touch()
-        self._process.send_signal(signal.SIGINT)
-        self._process.wait(120)
-
-    def kill(self) -> None:
-        """Ends it in any case."""
-        self._process.kill()
-        self._process.wait(10)
-        self._terminal.close()
-        self._said.close()
-
-
-@contextmanager
-def opened_studio(folder: Path, *more: str) -> Iterator[OpenStudio]:
-    """A studio whose paintings are in that folder, with more options; it is closed in the end, whatever happens."""
-    opened = OpenStudio(folder, *more)
-    try:
-        yield opened
-        opened.close()
-    finally:
-        opened.kill()
-
-
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """A browser without a display."""
@@ -126,7 +65,7 @@ def chromium() -> Iterator[Browser]:
 
 
 @contextmanager
-def window(browser: Browser, studio: OpenStudio, width: int, height: int, **more: Any) -> Iterator[Page]:
+def window(browser: Browser, studio: Served, width: int, height: int, **more: Any) -> Iterator[Page]:
     """A window of that size, in which nothing may go wrong unnoticed; more: as of `Browser.new_context`."""
     context = browser.new_context(viewport={"width": width, "height": height}, **more)
     opened = context.new_page()
@@ -168,3 +107,13 @@ def complaints(page: Page) -> list[str]:
     """The faults that axe finds, with the places in the page."""
     found = Axe().run(page).response["violations"]
     return [f"{each['id']}: {each['help']}: {[node['target'] for node in each['nodes']][:4]}" for each in found]
+
+
+def require_stop_on_top(page: Page) -> None:
+    """Nothing lies over Stop, at any of its corners."""
+    box = page.locator("#stop").bounding_box()
+    assert box is not None
+    for across in (0.15, 0.5, 0.85):
+        for down in (0.15, 0.5, 0.85):
+            at = [box["x"] + across * box["width"], box["y"] + down * box["height"]]
+            assert page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.id", at) == "stop"

@@ -6,10 +6,12 @@ import json
 import re
 import resource
 import secrets
+import signal
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from http.client import HTTPConnection
@@ -26,13 +28,18 @@ PATIENCE = 5.0
 
 @dataclass
 class Served:
-    """A studio in a process of its own."""
+    """A studio in a process of its own, started with these words; it may be killed and started again."""
 
     process: subprocess.Popen[str]
     host: str
     port: int
     tokens: dict[str, str]
     folder: Path
+    words: tuple[str, ...]
+
+    @property
+    def address(self) -> str:
+        return f"http://{self.host}:{self.port}/?token={self.tokens['operate']}"
 
     def ask(self, path: str, record: Any = None, role: str = "operate") -> Any:
         connection = HTTPConnection(self.host, self.port, timeout=60)
@@ -48,27 +55,59 @@ class Served:
         """Where its pages send a stop."""
         return dict(self.ask("/api/studio")["stop"])
 
+    def press_enter(self) -> None:
+        """Confirms, in the studio's terminal, that somebody stands beside the machine."""
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+        while "Pressed." not in self.process.stdout.readline():
+            assert self.process.poll() is None
+
+    def fall_over_and_be_started_again(self) -> None:
+        """Killed; the new one has another address and other tokens."""
+        self.kill()
+        self.__dict__.update(vars(open_studio(self.folder, *self.words)))
+
+    def close(self) -> None:
+        """Ends it as a person does, and whatever a test that failed has left at work."""
+        for painting in self.folder.glob("*/feed.jsonl"):
+            painting.with_name("stop").touch()
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait(120)
+
     def kill(self) -> None:
         self.process.kill()
         self.process.wait(10)
-        assert self.process.stdout is not None
+        assert self.process.stdin is not None and self.process.stdout is not None
+        self.process.stdin.close()
         self.process.stdout.close()
 
 
-def open_studio(folder: Path, *, files: int | None = None, port: int = 0, words: tuple[str, ...] = ()) -> Served:
+def open_studio(folder: Path, *words: str, files: int | None = None, port: int = 0) -> Served:
     program = [sys.executable, "-m", "frida_painter", "studio", "--folder", str(folder), "--port", str(port)]
 
     def few_files() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (files or 0, files or 0))
 
     process = subprocess.Popen(
-        [*program, *words, "--no-browser"], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+        [*program, *words, "--no-browser"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
         text=True, preexec_fn=few_files if files else None,
     )  # fmt: skip
     assert process.stdout is not None
     links = [re.search(r"https?://(\S+):(\d+)/\?token=(\S+)", process.stdout.readline()) for _ in range(3)]
     (host, port_, operate), (_, _, plan), (_, _, watch) = [link.groups() for link in links if link]
-    return Served(process, host, int(port_), {"operate": operate, "plan": plan, "watch": watch}, folder)
+    return Served(process, host, int(port_), {"operate": operate, "plan": plan, "watch": watch}, folder, words)
+
+
+@contextlib.contextmanager
+def opened_studio(folder: Path, *words: str, files: int | None = None) -> Iterator[Served]:
+    """A studio whose paintings are in that folder; it is closed in the end, whatever happens."""
+    served = open_studio(folder, *words, files=files)
+    try:
+        yield served
+        served.close()
+    finally:
+        served.kill()
 
 
 def end_listener(folder: Path) -> None:

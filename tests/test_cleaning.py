@@ -21,7 +21,7 @@ from frida_painter_calibration.procedures.strokes import Recording, order_of
 from frida_painter_lab import commands
 from frida_painter_lab.experiment import Experiment
 from frida_painter_lab.runs import RunFolder
-from frida_painter_studio import imaginer, worker
+from frida_painter_studio import side_jobs, worker
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder
 from marks import ribbon
@@ -78,7 +78,7 @@ def make_pictures(folder: Path) -> None:
             place / "making.json", {"pictures": [{"file": "a-1.png"}, {"file": "a-2.png"}, {"file": "../../notes.txt"}]}
         )
         os.utime(place, (number, number))
-    imaginer._forget_old(PaintingFolder(folder))
+    side_jobs._forget_old(PaintingFolder(folder))
     assert len(list((folder / "made").iterdir())) == 8, "the newest seven, and the one with a person's picture"
     assert [path.name for path in (folder / "made" / f"{0:024x}").iterdir()] == ["mine.png"]
 

@@ -165,7 +165,7 @@ def finding_of(
         (registry.TURN_POLICIES, TURN.format(answer="TurnAnswer('I go on.', turn.painted)"), ""),
         (registry.TURN_POLICIES, TURN.format(answer="'I go on.'"), "returned a str; it returns a TurnAnswer"),
         (registry.TURN_POLICIES, TURN.format(answer="TurnAnswer('')"), "no sentence for the person"),
-        (registry.TURN_POLICIES, TURN.format(answer="TurnAnswer('I go on.', np.zeros((3, 3), bool))"), "forbids a mask"),
+        (registry.TURN_POLICIES, TURN.format(answer="TurnAnswer('I go on.', np.zeros((3, 3), bool))"), "a mask"),
         (registry.ENCODERS, ENCODER.format(maps="views * 2", seen=NORMED), ""),
         (registry.ENCODERS, ENCODER.format(maps="views.detach()", seen=NORMED), "features has no gradient"),
         (registry.ENCODERS, ENCODER.format(maps="views[0]", seen=NORMED), r"no maps \[n, c, h, w\]"),

@@ -86,7 +86,7 @@ OWN_FILES = {
 STARTING = {
     "python_process.py": {"sys.executable", "subprocess.Popen", "subprocess.run"},
     "frida_painter_lab/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor"},
-    "frida_painter_words/picture_makers/program.py": {"subprocess.Popen"},
+    "frida_painter_words/picture_makers/command.py": {"subprocess.Popen"},
     "video.py": {"subprocess.Popen", "subprocess.run"},
     "registry.py": {"sys.executable"},
     "weights/sources.py": {"subprocess.Popen", "sys.executable"},
@@ -113,7 +113,7 @@ DELETING = {
     "runs/run.py": 2,  # empty folders
     "frida_painter_drivers/sawyer/arm_film.py": 1,  # the end of the film, which it just made
     "storage.py": 2,  # temporary files, named by PART
-    "frida_painter_studio/imaginer.py": 1,  # copies for the page, named by a random name of 24 digits
+    "frida_painter_studio/side_jobs.py": 1,  # copies for the page, named by a random name of 24 digits
     "frida_painter_studio/painter.py": 1,  # pictures with random names that it made itself
     "frida_painter_studio/server.py": 1,  # the links of the studio that closes
     "frida_painter_studio/stop.py": 2,  # its own key in the making, and the socket

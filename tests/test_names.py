@@ -74,7 +74,7 @@ IRREGULAR = {
 NO_PARTICIPLES = {"embed", "heed", "need"}
 VERBS = {"count", "find", "have", "is", "keep", "list", "load", "mark", "open", "require"}  # and what is done to what
 PARTICIPLES = {
-    "connection_made", "data_received",  # callbacks of asyncio, called so there
+    "connection_made",  # callback of asyncio, called so there
     "expected",  # of `Planner`: the canvas as it would look after a plan
 }  # fmt: skip
 

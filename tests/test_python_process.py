@@ -68,8 +68,8 @@ CHILDREN = {
     "frida_painter.easel.host": (("SOCKET", "SOCKET", "virtual"), None, 0),
     "frida_painter.picture_file": (("a.png", "9999", "9", "3"), picture(), 0),
     "frida_painter_words.picture_makers.pipeline_process": ((".",), None, 1),
-    "frida_painter_studio.decoder": ((), picture(), 0),
-    "frida_painter_studio.reader": (("makers", "command:true", "diffusers:a/b"), None, 0),
+    "frida_painter_studio.reader": (("picture",), picture(), 0),
+    "frida_painter_studio.reader makers": (("command:true", "diffusers:a/b"), None, 0),
     "frida_painter_studio.stop_listener": (("nowhere", "-1", "-1", "-1", "{}"), None, 1),
     "frida_painter_studio.worker_process": (("plan", "FOLDER", "1", "-1", "{}"), None, 1),
     "huggingface_hub.cli.hf": (("download", "a/b", "-q"), None, 1),
@@ -91,7 +91,7 @@ def test_no_process_loads_code_from_the_current_folder(
     ours.close()
     (tmp_path / "input").write_bytes(given or b"")
     values = {"SOCKET": its.fileno(), "FOLDER": tmp_path}
-    program = [child, *(values.get(word, word) for word in arguments)]
+    program = [*child.split(" "), *(values.get(word, word) for word in arguments)]
     with its, (tmp_path / "input").open("rb") as file:
         done = python_process.run(
             *(program if Path(child).is_absolute() else ["-m", *program]),
@@ -131,7 +131,7 @@ def test_every_process_of_ours_is_in_the_table() -> None:
     run = {path for path in SOURCES if re.search("^if __name__ ==", path.read_text(encoding="utf-8"), re.M)}
     run.remove(ROOT / "__main__.py")
     modules = {".".join(path.relative_to(ROOT.parent).with_suffix("").parts): path for path in run}
-    assert {modules.get(child, Path(child)) for child in CHILDREN} == run | {
+    assert {modules.get(child.partition(" ")[0], Path(child)) for child in CHILDREN} == run | {
         Path("pip"),
         Path("huggingface_hub.cli.hf"),
     }

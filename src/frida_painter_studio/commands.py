@@ -2,6 +2,7 @@
 
 import secrets
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Any, Literal, Self
@@ -17,7 +18,7 @@ from pydantic import (
     model_validator,
 )
 
-from frida_painter.easel.dialogue import Answer, Corners, EnterAddress, GuideMove, JogMove
+from frida_painter.easel.dialogue import Answer, EnterAddress, GuideMove, JogMove
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.session.person_events import PEN_LIMITS
@@ -145,8 +146,8 @@ MAX_POINTS = 4000
 
 def _require_points(given: Any) -> Any:
     """Refuses what are no points of a pen with a sentence; the painter, who knows the canvas, checks more."""
-    if not isinstance(given, list | tuple) or not 1 <= len(given) <= MAX_POINTS:
-        count = len(given) if isinstance(given, list | tuple) else "no"
+    count = len(given) if isinstance(given, list | tuple) else 0
+    if not 1 <= count <= MAX_POINTS:
         raise ValueError(f"The stroke has {count} points, and a stroke has 1 to {MAX_POINTS}; lift the brush sooner.")
     for number, point in enumerate(given, 1):
         whole = isinstance(point, list | tuple) and len(point) == len(PEN_LIMITS)
@@ -202,20 +203,10 @@ def command_of(plain: dict[str, Any]) -> Command | None:
 
 
 def describe(command: Command) -> str:
-    """Returns a command in a few words, for the record of the studio."""
-    match command:
-        case TakeTurns(count, minutes, policy, keep):
-            return f"turns of {count} strokes, {minutes:g} minutes, {policy}, {keep}"
-        case LeaveOut(count):
-            return f"{command.kind} {count}"
-        case Propose(_, maker):
-            return f"propose pictures by {maker}"
-        case Protect(picture, only):
-            return f"{'paint only in' if only else 'protect'} region {picture[:8]}"
-        case PaintStroke(brush, paint, points):
-            return f"paint with the {brush} brush and paint {paint + 1}, {len(points)} points"
-        case _:
-            return command.kind
+    """Returns a command in a line, for the record of the studio."""
+    unshown = "kind", "points", "request", "words"
+    facts = [f"{name} {value}" for name, value in to_plain(command).items() if name not in unshown]
+    return ", ".join([command.kind, *facts])
 
 
 # Answers to a worker's question, checked by the page's process and again by the worker.
@@ -253,38 +244,29 @@ class Reply(BaseModel):
 
     @property
     def words(self) -> str:
-        """Answer in a few words, for the record of the studio."""
-        if self.step is not None and not self.settled:
-            return f"moved by {1000 * self.step:+.1f} mm"
-        if self.move is not None and not self.settled:
-            return f"moved by {', '.join(f'{1000 * step:+.1f}' for step in self.move)} mm"
-        if self.leave:
-            return "left"
-        if self.choice is not None:
-            return f"choice {self.choice + 1}"
-        if self.address is not None:
-            return self.address
-        if self.length is not None:
-            return f"{1000 * self.length:.1f} mm"
-        if self.yes is not None:
-            return "yes" if self.yes else "no"
-        return "corners" if self.corners is not None else "settled"
+        """Answer in a line, for the record of the studio."""
+        given = self.model_dump(exclude={"question"}, exclude_defaults=True)
+        return ", ".join(f"{name} {value}" for name, value in given.items())
 
     def answering(self, kind: str, asked: dict[str, Any]) -> Answer:
         """Returns the answer to a question as `describe_question` tells it. Raises ConfigError if it does not fit."""
+        limits = f"{1000 * asked.get('lowest', 0):.1f} to {1000 * asked.get('highest', 0):.1f} mm"
         if kind == "confirm" and self.yes is not None:
             return self.yes
         if kind == "corners" and self.corners is not None:
-            return _within(self.corners, asked)
+            most = asked["columns"], asked["rows"]
+            if all(-1 <= place <= end for corner in self.corners for place, end in zip(corner, most, strict=True)):
+                return tuple((column, row) for column, row in self.corners)
+            raise ConfigError("A corner lies outside the photograph; drag it back into it.")
         if kind == "jog" and (self.settled or self.step is not None):
             move = JogMove(self.step or 0.0, self.settled)
             if self.settled or asked["lowest"] <= asked["height"] + move.step <= asked["highest"]:
                 return move
-            raise ConfigError(f"The brush moves from {_millimetres(asked)}; it cannot go further that way.")
+            raise ConfigError(f"The brush moves from {limits}; it cannot go further that way.")
         if kind == "measure" and self.length is not None:
             if asked["lowest"] <= self.length <= asked["highest"]:
                 return self.length
-            raise ConfigError(f"It is from {_millimetres(asked)}; measure again.")
+            raise ConfigError(f"It is from {limits}; measure again.")
         if kind == "guide" and (self.settled or self.move is not None):
             x, y, z = self.move or (0.0, 0.0, 0.0)
             return GuideMove((x, y, z), self.settled)
@@ -304,7 +286,7 @@ class Reply(BaseModel):
 
 
 class Message(BaseModel):
-    """What a person says on the page, on its way to the worker: a command, or the answer to a question.
+    """Message of a person from the page to the worker: a command, or the answer to a question.
 
     nonce: random text that is used once.
     until: end of its validity, seconds since 1970.
@@ -348,17 +330,15 @@ class Inbox:
 
     def listen(self) -> list[Message]:
         """Returns new messages in order, without invalid, late or earlier ones."""
-        found = {each.nonce: each for line in self._reader.read() if (each := self._parse(line)) is not None}
+        found: dict[str, Message] = {}
+        for line in self._reader.read():
+            with suppress(ValidationError):
+                sent, now = Message.model_validate(line), time.time()
+                good = max(now, self._since + LEAD_GOOD_FOR) <= sent.until <= now + LEAD_GOOD_FOR
+                if good and sent.nonce not in self._heard:
+                    found[sent.nonce] = sent
         self._heard |= found.keys()
         return list(found.values())
-
-    def _parse(self, line: dict[str, Any]) -> Message | None:
-        try:
-            sent = Message.model_validate(line)
-        except ValidationError:
-            return None
-        good = max(time.time(), self._since + LEAD_GOOD_FOR) <= sent.until <= time.time() + LEAD_GOOD_FOR
-        return sent if good and sent.nonce not in self._heard else None
 
 
 def accept_reply(given: Reply | None, number: str, asked: dict[str, Any]) -> Answer | None:
@@ -374,14 +354,3 @@ def accept_reply(given: Reply | None, number: str, asked: dict[str, Any]) -> Ans
         return given.answering(asked["kind"], asked)
     except ConfigError:
         return None
-
-
-def _within(corners: list[list[float]], asked: dict[str, Any]) -> Corners:
-    most = asked["columns"], asked["rows"]
-    if not all(-1 <= place <= end for corner in corners for place, end in zip(corner, most, strict=True)):
-        raise ConfigError("A corner lies outside the photograph; drag it back into it.")
-    return tuple((column, row) for column, row in corners)
-
-
-def _millimetres(asked: dict[str, Any]) -> str:
-    return f"{1000 * asked['lowest']:.1f} to {1000 * asked['highest']:.1f} mm"

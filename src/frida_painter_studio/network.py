@@ -14,9 +14,10 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Any, Self
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from frida_painter import locks
 from frida_painter.errors import ConfigError, StorageError
@@ -27,10 +28,35 @@ _BETWEEN_SWEEPS = 0.5  # seconds
 _MAX = 400
 
 
-class Waiting(Protocol):
-    """Protocol (asyncio) that knows since when it waits for a whole request, None while it serves one."""
+class WaitingProtocol(H11Protocol):
+    """HTTP protocol that knows since when it waits for a request, so that idle connections can be cut.
 
-    waiting_since: float | None
+    waiting_since: None while a request is served.
+    for_body: True to wait for the whole body too; otherwise the application limits its time.
+    """
+
+    waiting_since: float | None = None
+
+    def __init__(self, *given: Any, for_body: bool = False) -> None:
+        super().__init__(*given)
+        self._for_body = for_body
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Starts to wait for a request."""
+        self.waiting_since = self.loop.time()
+        super().connection_made(transport)
+
+    def handle_events(self) -> None:
+        """Handles events; stops waiting when a request is there."""
+        super().handle_events()
+        cycle = self.cycle
+        if cycle is not None and not cycle.response_complete and not (self._for_body and cycle.more_body):
+            self.waiting_since = None
+
+    def on_response_complete(self) -> None:
+        """Starts to wait for the next request."""
+        self.waiting_since = self.loop.time()
+        super().on_response_complete()
 
 
 @dataclass(eq=False)
@@ -41,7 +67,7 @@ class _Connection:
     since: float
     task: asyncio.Task[None] | None = None
     transport: asyncio.Transport | None = None
-    protocol: Waiting | None = None
+    protocol: WaitingProtocol | None = None
     closing_since: float | None = None
 
     @property
@@ -70,7 +96,7 @@ class Connections:
     def __init__(
         self,
         listening: socket.socket,
-        make: Callable[[], asyncio.Protocol],
+        make: Callable[[], WaitingProtocol],
         *,
         most: int,
         patience: float,
@@ -102,14 +128,12 @@ class Connections:
             sweeping.cancel()
 
     async def _begin(self, connection: _Connection) -> None:
-        loop = asyncio.get_running_loop()
         patience = {} if self._tls is None else {"ssl_handshake_timeout": self._patience}
         try:
             connection.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            transport, protocol = await loop.connect_accepted_socket(
+            connection.transport, connection.protocol = await asyncio.get_running_loop().connect_accepted_socket(
                 self._make, connection.socket, ssl=self._tls, **patience
             )
-            connection.transport, connection.protocol = transport, protocol  # type: ignore[assignment]
         except (OSError, asyncio.CancelledError):
             connection.socket.close()
 
@@ -237,28 +261,25 @@ class Limits:
             return
         session: Session = scope["state"]["session"]
         path, role = scope["path"], session.role
-        if path == "/api/stop":
-            await self._hand_on(scope, receive, send)
-        elif not (self._each.take(session.id) and self._all.take(role.name)):
+        uploads = path == self._upload
+        free = path in ("/api/stop", "/api/events")  # of events, the seats are limited instead
+        if path != "/api/stop" and not (self._each.take(session.id) and self._all.take(role.name)):
             await refuse(429, "That was too much at once; wait a moment.")(scope, receive, send)
-        elif path == "/api/events":  # limited by seats instead
-            await self._hand_on(scope, receive, send)
-        elif self._busy[role] >= _MAX_AT_ONCE[role] or (path == self._upload and self._uploading >= _MAX_UPLOADS):
+        elif not free and (self._busy[role] >= _MAX_AT_ONCE[role] or (uploads and self._uploading >= _MAX_UPLOADS)):
             await refuse(503, "The studio answers many others at the moment; try again.")(scope, receive, send)
         else:
-            self._busy[role] += 1
-            self._uploading += path == self._upload
+            self._busy[role] += not free
+            self._uploading += uploads
             try:
-                await self._hand_on(scope, receive, send)
+                await self._hand_on(scope, receive, send, MAX_UPLOAD if uploads else MAX_BODY)
             finally:
-                self._busy[role] -= 1
-                self._uploading -= path == self._upload
+                self._busy[role] -= not free
+                self._uploading -= uploads
 
-    async def _hand_on(self, scope: Scope, receive: Receive, send: Send) -> None:
-        most = MAX_UPLOAD if scope["path"] == self._upload else MAX_BODY
+    async def _hand_on(self, scope: Scope, receive: Receive, send: Send, most: int) -> None:
         try:
             async with asyncio.timeout(_PATIENCE):
-                body = await _read(receive, most)
+                body = await read_body(receive, most)
         except TimeoutError:
             await refuse(408, "That took too long to arrive.")(scope, receive, send)
             return
@@ -266,8 +287,12 @@ class Limits:
             given = f"{most // 2**20} MB" if most >= 2**20 else f"{most // 2**10} KB"
             await refuse(413, f"That is too large: at most {given} may be sent here.")(scope, receive, send)
             return
+        whole: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]
 
-        async def patient(message: Message) -> None:
+        async def replay() -> Message:
+            return whole.pop() if whole else await receive()  # then comes the disconnect
+
+        async def send_soon(message: Message) -> None:
             """Sends a message, unless the client does not read it in time."""
             try:
                 async with asyncio.timeout(_PATIENCE):
@@ -276,10 +301,10 @@ class Limits:
                 raise _NotRead from None
 
         with contextlib.suppress(_NotRead):
-            await self._app(scope, _replaying(body, receive), patient)
+            await self._app(scope, replay, send_soon)
 
 
-async def _read(receive: Receive, most: int) -> bytes | None:
+async def read_body(receive: Receive, most: int) -> bytes | None:
     """Returns the whole body of a request; None if it is too large."""
     body = bytearray()
     while True:
@@ -289,19 +314,6 @@ async def _read(receive: Receive, most: int) -> bytes | None:
             return None
         if message["type"] != "http.request" or not message.get("more_body", False):
             return bytes(body)
-
-
-def _replaying(body: bytes, receive: Receive) -> Receive:
-    told = False
-
-    async def receiving() -> Message:
-        nonlocal told
-        if told:  # the next message is the disconnect
-            return await receive()
-        told = True
-        return {"type": "http.request", "body": body, "more_body": False}
-
-    return receiving
 
 
 # Certificate of a studio that is used over a network.

@@ -38,8 +38,8 @@ from frida_painter.session.events import Event, PauseCause
 from frida_painter.session.loop import PaintingSession
 from frida_painter_studio import commands
 from frida_painter_studio.commands import Command, Inbox, accept_reply, command_of, to_plain
-from frida_painter_studio.imaginer import show_pictures, without_folders
 from frida_painter_studio.picture_choosing import MakingOrder
+from frida_painter_studio.side_jobs import show_pictures, without_folders
 from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
 from frida_painter_together.policies import Keep, TurnTaken, answer_turn, find_turn_policy

@@ -61,13 +61,11 @@ def label_of(maker: str) -> str:
     name, _, text = maker.partition(":")
     words = text.split()
     ends = next((at for at, word in enumerate(words) if at and (word.startswith("-") or "{" in word)), len(words))
-    shown = [_last_part(word) for word in words[: min(2, ends)]]
+    shown = [
+        (urlsplit(word).hostname if "//" in word else None) or Path(word.strip("'\"").partition(",")[0]).name
+        for word in words[: min(2, ends)]
+    ]
     return f"{name}: {' '.join(shown)}" if shown else name
-
-
-def _last_part(word: str) -> str:
-    host = urlsplit(word).hostname if "//" in word else None
-    return host or Path(word.strip("'\"").partition(",")[0]).name
 
 
 def _require_plain(words: str) -> str:
@@ -145,11 +143,10 @@ def take_picture(chosen: ChosenPicture, makings: Sequence[PicturesMade], root: P
     Returns its id, a line about it, and "yes" or "no" if a CLIP is here, which also reads the words.
     Raises ConfigError if it is gone, StorageError.
     """
-    found = ((making, one) for making in makings for one in making.pictures if one["picture"] == chosen.picture)
-    making, one = next(found, (None, None))
-    source = root / str(one["file"]) if one is not None else None
-    if making is None or one is None or source is None or not source.is_file():
+    found = [(making, one) for making in makings for one in making.pictures if one["picture"] == chosen.picture]
+    if not found or not (source := root / str(found[0][1]["file"])).is_file():
         raise ConfigError("This picture is gone; make pictures again.")
+    making, one = found[0]
     record = storage.read_json(source.parent / MAKING_SUFFIX.removeprefix("."), "the record of a making")
     record |= {"chosen": source.name, "because": "a person chose it"}
     identifier = secrets.token_hex(16)

@@ -23,7 +23,7 @@ from pathlib import Path
 from urllib.parse import parse_qsl, urlencode
 
 from h11 import LocalProtocolError
-from starlette.datastructures import Headers
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -73,15 +73,13 @@ class Session:
     key: str
 
 
-@dataclass
 class Keys:
     """Tokens of one start of the studio, one for each role, and the sessions of browsers."""
 
-    tokens: dict[Role, str] = field(default_factory=lambda: {role: secrets.token_urlsafe(32) for role in Role})
-    _sessions: dict[Role, OrderedDict[str, Session]] = field(
-        default_factory=lambda: {role: OrderedDict() for role in Role}
-    )
-    _codes: dict[str, tuple[Role, float]] = field(default_factory=dict)
+    def __init__(self) -> None:
+        self.tokens = {role: secrets.token_urlsafe(32) for role in Role}
+        self._sessions: dict[Role, OrderedDict[str, Session]] = {role: OrderedDict() for role in Role}
+        self._codes: dict[str, tuple[Role, float]] = {}
 
     def code(self, role: Role) -> str:
         """Returns a code in place of a token, valid once and for a minute.
@@ -122,38 +120,10 @@ class Keys:
         role = self._role(token)
         return None if role is None else Session(f"bearer-{role.name}", role, "")
 
-    @property
-    def sessions(self) -> list[str]:
-        """Ids of all browser sessions."""
-        return [identifier for own in self._sessions.values() for identifier in own]
-
     def _role(self, token: str) -> Role | None:
         given = token.encode("utf-8", "replace")
         matching = [role for role, known in self.tokens.items() if hmac.compare_digest(known.encode(), given)]
         return matching[0] if matching else None
-
-
-@dataclass
-class _Slowness:
-    """Delays answers to wrong tokens after many failures. Requests with a right token are never delayed."""
-
-    _failures: list[float] = field(default_factory=list)
-    _delayed: int = 0
-
-    async def refuse(self) -> bool:
-        """Waits after many failures; returns False if too many answers wait already."""
-        now = time.monotonic()
-        self._failures = [*(at for at in self._failures[-_FREE_FAILURES:] if now - at < _FAILURES_COUNT_FOR), now]
-        if len(self._failures) <= _FREE_FAILURES:
-            return True
-        if self._delayed >= _MAX_DELAYED:
-            return False
-        self._delayed += 1
-        try:
-            await asyncio.sleep(_DELAY)
-        finally:
-            self._delayed -= 1
-        return True
 
 
 class AuthMiddleware:
@@ -161,20 +131,17 @@ class AuthMiddleware:
 
     hosts: allowed Host headers, such as "127.0.0.1:8350".
     stop_hosts: hosts that the page may send a stop to.
-    The session is in `scope["state"]["session"]`.
+    The session is in `scope["state"]["session"]`. After many wrong tokens, answers to wrong tokens are delayed;
+    requests with a right token never are.
     """
 
     def __init__(
-        self,
-        app: ASGIApp,
-        keys: Keys,
-        hosts: frozenset[str],
-        cookie: str,
-        stop_hosts: frozenset[str] = frozenset(),
+        self, app: ASGIApp, keys: Keys, hosts: frozenset[str], cookie: str, stop_hosts: frozenset[str] = frozenset()
     ) -> None:
         self._app, self._keys, self._hosts, self._cookie = app, keys, hosts, cookie
         self._stop_hosts = stop_hosts
-        self._slowness = _Slowness()
+        self._failures: list[float] = []
+        self._delayed = 0
         self._closed = (_STATIC / "closed.html").read_bytes()
         self._parts = {
             f"/static/{name}": ((_STATIC / name).read_bytes(), kind) for name, kind in _PARTS_OF_CLOSED.items()
@@ -209,8 +176,16 @@ class AuthMiddleware:
             return refuse(403, "Another page asked for this.")
         if method == "GET" and b"token=" in scope["query_string"]:
             return await self._enter(scope, counts=here)
-        if headers.get("authorization"):
-            return await self._judge_program(scope, headers, host)
+        own = f"{scope['scheme']}://{host}"
+        if given := headers.get("authorization"):
+            scheme, _, token = given.partition(" ")
+            session = self._keys.bearer(token.strip()) if scheme.lower() == "bearer" else None
+            if session is None:
+                return await self._delay(refuse(401, "The studio does not know you."))
+            if method not in _SAFE and headers.get("origin") not in (None, own):
+                return refuse(403, "Another page asked for this.")
+            scope.setdefault("state", {})["session"] = session
+            return None
         session = self._session(headers)
         if session is None:
             if not here and scope["path"] == "/":
@@ -222,21 +197,11 @@ class AuthMiddleware:
             return HTMLResponse(self._closed, 401) if page else refuse(401, "The studio does not know you.")
         if not here:
             return _opening("/") if scope["path"] == "/" else refuse(403, "Another page asked for this.")
-        if method not in _SAFE and headers.get("origin") != f"{scope['scheme']}://{host}":
+        if method not in _SAFE and headers.get("origin") != own:
             return refuse(403, "Another page asked for this.")
         by_cookie = method in _SAFE and _BY_COOKIE.fullmatch(scope["path"])
         if not by_cookie and not hmac.compare_digest(headers.get("x-page-key", "").encode(), session.key.encode()):
             return refuse(403, "This page has lost its key; open the studio with the link that its terminal shows.")
-        scope.setdefault("state", {})["session"] = session
-        return None
-
-    async def _judge_program(self, scope: Scope, headers: Headers, host: str) -> Response | None:
-        scheme, _, token = headers.get("authorization", "").partition(" ")
-        session = self._keys.bearer(token.strip()) if scheme.lower() == "bearer" else None
-        if session is None:
-            return await self._wrong(refuse(401, "The studio does not know you."))
-        if scope["method"] not in _SAFE and headers.get("origin") not in (None, f"{scope['scheme']}://{host}"):
-            return refuse(403, "Another page asked for this.")
         scope.setdefault("state", {})["session"] = session
         return None
 
@@ -250,17 +215,26 @@ class AuthMiddleware:
         session = self._keys.admit(dict(query).get("token", ""))
         if session is None:
             closed = HTMLResponse(self._closed, 401)
-            return await self._wrong(closed) if counts else closed
+            return await self._delay(closed) if counts else closed
         rest = urlencode([(name, value) for name, value in query if name != "token"])
         answer = _opening("/" + (f"?{rest}" if rest else "") + f"#key={session.key}")
         secure = scope["scheme"] == "https"
         answer.set_cookie(self._cookie, session.id, httponly=True, samesite="strict", path="/", secure=secure)
         return answer
 
-    async def _wrong(self, answer: Response) -> Response:
-        if await self._slowness.refuse():
-            return answer
-        return refuse(429, "Too many wrong tokens came; wait a moment.")
+    async def _delay(self, answer: Response) -> Response:
+        """Returns the answer to a wrong token, late after many of them; 429 if too many answers wait already."""
+        now = time.monotonic()
+        self._failures = [*(at for at in self._failures[-_FREE_FAILURES:] if now - at < _FAILURES_COUNT_FOR), now]
+        if len(self._failures) > _FREE_FAILURES:
+            if self._delayed >= _MAX_DELAYED:
+                return refuse(429, "Too many wrong tokens came; wait a moment.")
+            self._delayed += 1
+            try:
+                await asyncio.sleep(_DELAY)
+            finally:
+                self._delayed -= 1
+        return answer
 
     def _session(self, headers: Headers) -> Session | None:
         try:
@@ -276,11 +250,10 @@ class AuthMiddleware:
 
         async def sending(message: Message) -> None:
             if message["type"] == "http.response.start":
-                given = {name.lower() for name, _ in message["headers"]}
-                message["headers"] = [
-                    *((name, value) for name, value in message["headers"] if name.lower() != b"server"),
-                    *((k.lower().encode(), v.encode()) for k, v in more.items() if k.lower().encode() not in given),
-                ]
+                headers = MutableHeaders(scope=message)
+                del headers["server"]
+                for name, value in more.items():
+                    headers.setdefault(name, value)
             await send(message)
 
         return sending
@@ -310,30 +283,36 @@ class Presence:
     """
 
     possible: bool = False
-    _pressed: float | None = field(default=None, init=False)
+    _pressed: float = field(default=-math.inf, init=False)
 
     def press(self) -> None:
         """Stores a confirmation now."""
         self._pressed = time.monotonic()
 
-    def use(self) -> bool:
-        """Returns True if somebody confirmed within the last minute; the confirmation is then used up."""
-        pressed, self._pressed = self._pressed, None
-        return pressed is not None and time.monotonic() - pressed <= GOOD_FOR
-
     def allow(self, easel: WebAppEasel) -> None:
         """Uses up a confirmation if a machine could hurt somebody; a simulated robot or a person needs none.
 
-        Raises RobotStopped, with instructions, if there is no confirmation. (A stop of a real robot lasts until
-        `frida-painter arm`.)
+        Raises RobotStopped like `require`.
         """
         if easel.drives_machine:
             self.require()
 
     def require(self) -> None:
-        """Uses up a confirmation. Raises RobotStopped, with instructions, if there is none."""
-        if not self.use():
-            raise RobotStopped(how_to_press(self))
+        """Uses up a confirmation. Raises RobotStopped, with instructions, if nobody confirmed in the last minute.
+
+        (A stop of a real robot lasts until `frida-painter arm`.)
+        """
+        pressed, self._pressed = self._pressed, -math.inf
+        if time.monotonic() - pressed <= GOOD_FOR:
+            return
+        if self.possible:
+            raise RobotStopped(
+                "Is nobody in the robot's way, and is its brush free? Then press Enter in the terminal of the studio, "
+                f"beside the robot, and ask again within {GOOD_FOR:.0f} s."
+            )
+        raise RobotStopped(
+            "Somebody has to be beside the robot: start `frida-painter studio` in a terminal there, and open its page."
+        )
 
     def listen(self, file: int) -> None:
         """Starts a thread that takes each line typed into the terminal (a file descriptor) as a confirmation."""
@@ -356,16 +335,6 @@ class Presence:
                 return
             self.press()
             print(f"Pressed. For {GOOD_FOR:.0f} s one thing may be begun from the page.", flush=True)
-
-
-def how_to_press(presence: Presence) -> str:
-    """Returns a sentence that says how to confirm."""
-    if presence.possible:
-        return (
-            "Is nobody in the robot's way, and is its brush free? Then press Enter in the terminal of the studio, "
-            f"beside the robot, and ask again within {GOOD_FOR:.0f} s."
-        )
-    return "Somebody has to be beside the robot: start `frida-painter studio` in a terminal there, and open its page."
 
 
 # Lead: one browser at a time moves the robot, and each of its orders is done once, without delay.
@@ -404,12 +373,13 @@ class Lead:
         self._require_new(nonce, given)
         if self._leads != session and time.monotonic() < self.until:
             raise Led("Another browser leads the painting at the moment.")
-        self._take(session, nonce, page)
+        self.take_over(session, nonce, given, page)
 
     def take_over(self, session: str, nonce: str, given: float, page: str = "") -> None:
         """Gives the lead to this page of the session. Raises Interrupted like `require`."""
         self._require_new(nonce, given)
-        self._take(session, nonce, page)
+        self._used[nonce] = time.time()
+        self._leads, self._page, self.until = session, page, time.monotonic() + KEPT_FOR
 
     def give_back(self, session: str, page: str) -> bool:
         """Gives up the lead if that page gave the last order; returns True if it did."""
@@ -427,7 +397,3 @@ class Lead:
             raise Interrupted("This was asked too long ago to be done now; look at the page, and ask again.")
         if nonce in self._used:
             raise Interrupted("This was asked already, and is done once.")
-
-    def _take(self, session: str, nonce: str, page: str) -> None:
-        self._used[nonce] = time.time()
-        self._leads, self._page, self.until = session, page, time.monotonic() + KEPT_FOR

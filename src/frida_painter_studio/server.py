@@ -12,7 +12,6 @@ import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 from urllib.parse import urlsplit
 
 import uvicorn
@@ -21,17 +20,16 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
-from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped, StorageError
 from frida_painter_studio.commands import Role
-from frida_painter_studio.network import Certificate, Connections, Limits, WebAppLock, most_connections
+from frida_painter_studio.network import Certificate, Connections, Limits, WaitingProtocol, WebAppLock, most_connections
 from frida_painter_studio.picture_choosing import AllowedMakers
 from frida_painter_studio.routes import all_routes
 from frida_painter_studio.security import AuthMiddleware, Keys, Led, Presence, refuse
 from frida_painter_studio.state import StateStreams
-from frida_painter_studio.stop_process import StopProcess
+from frida_painter_studio.stop_listener import StopProcess
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.web_app_easel import LOCAL, WebAppEasel
 from frida_painter_studio.web_studio import Studio
@@ -45,25 +43,15 @@ _KINDS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class _Part:
-    """File of the page, plain and compressed; pictures are compressed already."""
-
-    content: bytes
-    kind: str
-    compressed: bytes | None
-
-    @classmethod
-    def read(cls, path: Path) -> Self:
+def _read_page() -> dict[str, tuple[bytes, bytes | None, str]]:
+    """Returns the files of the page by their path: plain, compressed unless they are pictures, and their kind."""
+    page = {}
+    for path in (path for folder in (_STATIC, _EXAMPLES) for path in folder.iterdir() if path.suffix in _KINDS):
         content = path.read_bytes()
         compressed = None if path.suffix in (".png", ".jpg") else gzip.compress(content, mtime=0)
-        return cls(content, _KINDS[path.suffix], compressed)
-
-    def answer(self, request: Request) -> Response:
-        if self.compressed is None or "gzip" not in request.headers.get("accept-encoding", ""):
-            return Response(self.content, media_type=self.kind)
-        headers = {"Content-Encoding": "gzip", "Vary": "Accept-Encoding"}
-        return Response(self.compressed, media_type=self.kind, headers=headers)
+        page[f"{path.parent.name}/{path.name}"] = content, compressed, _KINDS[path.suffix]
+    # The scope of a service worker is the folder that it comes from.
+    return page | {"": page["static/index.html"], "sw.js": page["static/sw.js"]}
 
 
 def application(studio: Studio) -> FastAPI:
@@ -71,47 +59,31 @@ def application(studio: Studio) -> FastAPI:
     app = FastAPI(title="frida-painter studio", docs_url=None, redoc_url=None, openapi_url=None)
     for router in all_routes(studio):
         app.include_router(router)
-
     # The files are in memory and need no thread, so the page loads quickly even while planning uses the machine.
-    parts, examples = (
-        {path.name: _Part.read(path) for path in folder.iterdir() if path.suffix in _KINDS}
-        for folder in (_STATIC, _EXAMPLES)
-    )
+    files = _read_page()
 
-    @app.get("/", include_in_schema=False)
-    async def page(request: Request) -> Response:
-        """Returns the page."""
-        return parts["index.html"].answer(request)
-
-    @app.get("/sw.js", include_in_schema=False)
-    async def service_worker(request: Request) -> Response:
-        """Returns the page's service worker; its scope is the folder that it comes from, so it must be at the top."""
-        return parts["sw.js"].answer(request)
-
-    @app.get("/static/{name}", include_in_schema=False)
-    async def page_part(name: str, request: Request) -> Response:
-        """Returns a file of the page. Answers 404 for an unknown one."""
-        if name not in parts:
+    @app.get("/{path:path}", include_in_schema=False)
+    async def page(path: str, request: Request) -> Response:
+        if path not in files:
             raise HTTPException(404, "The page has no such part.")
-        return parts[name].answer(request)
+        content, compressed, kind = files[path]
+        if compressed is None or "gzip" not in request.headers.get("accept-encoding", ""):
+            return Response(content, media_type=kind)
+        return Response(compressed, media_type=kind, headers={"Content-Encoding": "gzip", "Vary": "Accept-Encoding"})
 
-    @app.get("/examples/{name}", include_in_schema=False)
-    async def example(name: str, request: Request) -> Response:
-        """Returns a picture of an example for an empty gallery. Answers 404 for an unknown one."""
-        if name not in examples:
-            raise HTTPException(404, "There is no such example.")
-        return examples[name].answer(request)
-
-    def mendable(request: Request, error: Exception) -> JSONResponse:
+    def refuse_mendable(request: Request, error: Exception) -> JSONResponse:
         sentence = str(error).replace(str(studio.store.root), "the studio's folder")
         led = {"led": True} if isinstance(error, Led) else {}
-        status = 409 if isinstance(error, Interrupted | RobotStopped) else 422
-        return refuse(status, sentence, **led)
+        return refuse(409 if isinstance(error, Interrupted | RobotStopped) else 422, sentence, **led)
 
-    app.add_exception_handler(FridaError, mendable)
-    app.add_exception_handler(HTTPException, _refuse)
+    def refuse_plainly(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        return JSONResponse({"sentence": error.detail}, error.status_code, error.headers)
+
+    app.add_exception_handler(FridaError, refuse_mendable)
+    app.add_exception_handler(HTTPException, refuse_plainly)
     app.add_exception_handler(RequestValidationError, _refuse_invalid)
-    app.add_exception_handler(Exception, _unforeseen)
+    app.add_exception_handler(Exception, _refuse_unforeseen)
     return app
 
 
@@ -120,11 +92,6 @@ def add_middleware(
 ) -> ASGIApp:
     """Returns the application with its middleware, ready to be served."""
     return AuthMiddleware(Limits(app, "/api/pictures"), keys, hosts, cookie, stop_hosts)
-
-
-def _refuse(request: Request, error: Exception) -> JSONResponse:
-    assert isinstance(error, HTTPException)
-    return JSONResponse({"sentence": error.detail}, error.status_code, error.headers)
 
 
 def _refuse_invalid(request: Request, error: Exception) -> JSONResponse:
@@ -141,7 +108,7 @@ def _refuse_invalid(request: Request, error: Exception) -> JSONResponse:
     return refuse(422, sentence, fault=f"{'.'.join(places)[:80]}: {own}" if places else own)
 
 
-def _unforeseen(request: Request, error: Exception) -> JSONResponse:
+def _refuse_unforeseen(request: Request, error: Exception) -> JSONResponse:
     mark = secrets.token_hex(4)
     print(mark, "".join(traceback.format_exception(error)), file=sys.stderr)
     return refuse(500, f"Something went wrong that should not have; its number in the log is {mark}.")
@@ -152,56 +119,27 @@ _MAX_HEAD = 16 * 1024
 _PATIENCE = 10.0  # seconds for the head of a request
 
 
-class _Protocol(H11Protocol):
-    """HTTP protocol that knows since when it waits for a whole request, so that idle connections can be cut."""
-
-    waiting_since: float | None = None
-
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Starts to wait for a request."""
-        self.waiting_since = self.loop.time()
-        super().connection_made(transport)
-
-    def handle_events(self) -> None:
-        """Handles events; stops waiting when a request is whole."""
-        super().handle_events()
-        if self.cycle is not None and not self.cycle.response_complete:
-            self.waiting_since = None
-
-    def on_response_complete(self) -> None:
-        """Starts to wait for the next request."""
-        self.waiting_since = self.loop.time()
-        super().on_response_complete()
-
-
 class _Server(uvicorn.Server):
     """Server that limits its connections, and ends event streams before it waits for open requests."""
 
     def __init__(
-        self,
-        config: uvicorn.Config,
-        streams: StateStreams,
-        listening: socket.socket,
-        stop: StopProcess,
-        certificate: Certificate | None,
+        self, config: uvicorn.Config, streams: StateStreams, listening: socket.socket, stop: StopProcess
     ) -> None:
         super().__init__(config)
         self._streams, self._listening, self._stop = streams, listening, stop
-        self._tls = None if certificate is None else certificate.context()
+        self._tls = None if stop.certificate is None else stop.certificate.context()
         self._tasks: list[asyncio.Task[None]] = []
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts the server."""
         await super().startup(sockets=[])  # `Connections` accepts them
 
-        def make() -> asyncio.Protocol:
-            return _Protocol(self.config, self.server_state, self.lifespan.state, asyncio.get_running_loop())
+        def make() -> WaitingProtocol:
+            return WaitingProtocol(self.config, self.server_state, self.lifespan.state, asyncio.get_running_loop())
 
         connections = Connections(self._listening, make, most=most_connections(), patience=_PATIENCE, tls=self._tls)
         self._tasks = [asyncio.create_task(work) for work in (connections.accept(), self._stop.keep())]
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends the server."""
         for task in self._tasks:
             task.cancel()
         self._streams.end()
@@ -314,7 +252,7 @@ def serve(
     with contextlib.suppress(OSError, ValueError):  # there may be no standard input at all
         studio.presence.listen(sys.stdin.fileno())
     threading.Thread(target=studio.queue.run, daemon=True, name="queue").start()
-    server = _Server(config, studio.streams, listening, stop, certificate)
+    server = _Server(config, studio.streams, listening, stop)
     first = f"{names[0]}:{port}" if names else sorted(known)[0]
     page = f"{'http' if certificate is None else 'https'}://{first}/?token="
     links = Links({role: f"{page}{token}" for role, token in keys.tokens.items()}, page + keys.code(Role.operate))

@@ -36,14 +36,14 @@ _DAY = 86400
 _GOOD_FOR = {Role.watch: _DAY, Role.plan: _DAY, Role.operate: 30 * _DAY}  # seconds
 
 
+@dataclass(frozen=True)
 class StopKey:
     """Makes and checks secrets for stops; each names a role and its end, and is signed with the studio's key.
 
     Every role may stop: a watcher's secret ends after a day, an operator's after thirty.
     """
 
-    def __init__(self, key: bytes) -> None:
-        self._key = key
+    key: bytes
 
     @classmethod
     def of(cls, folder: Path) -> Self:
@@ -76,19 +76,19 @@ class StopKey:
         return Role[name] if time.time() <= int(ends) else None
 
     def _sign(self, claim: str) -> str:
-        return hmac.new(self._key, claim.encode("utf-8", "replace"), hashlib.sha256).hexdigest()
+        return hmac.new(self.key, claim.encode("utf-8", "replace"), hashlib.sha256).hexdigest()
 
 
 def _make(path: Path) -> None:
     temporary = path.with_name(f"{_FILE}-{secrets.token_hex(8)}")
-    file = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(secrets.token_bytes(_BYTES))
+        file.flush()
+        os.fsync(file.fileno())
     try:
-        os.write(file, secrets.token_bytes(_BYTES))
-        os.fsync(file)
         with contextlib.suppress(FileExistsError):
             os.link(temporary, path)  # atomic; does not overwrite the key of another process
     finally:
-        os.close(file)
         temporary.unlink()
 
 
@@ -214,63 +214,74 @@ _FILES_WITHIN = 0.1  # more seconds if a worker has not answered
 _LISTENER_WITHIN = 1.0
 
 
-@dataclass
-class StopFiles:
-    """Writes stop files for all workers, in its own thread; a request during a pass starts another pass.
+@dataclass(eq=False)
+class _Line:
+    """Line of a worker: the name of its folder, its job, and the sign that it has reacted to the last stop."""
 
-    found: number of workers found.
-    held: number of these that need only the file, or move nothing.
+    name: str
+    job: str
+    writer: asyncio.StreamWriter
+    heard: asyncio.Event = field(default_factory=asyncio.Event)
+
+
+class Stops:
+    """Sends a stop to all workers by their lines, then by stop files; a record of it follows.
+
+    Files and record are written by threads of their own. The files need no database, which may be locked for long; a
+    stop while they are being written has them written once more.
     """
 
-    root: Path
-    found: int = 0
-    held: int = 0
-    _asked: threading.Event = field(default_factory=threading.Event)
-    _passes: int = 0
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._lines: set[_Line] = set()
+        self._files_asked, self._passes = threading.Event(), 0
+        self._found = self._held = 0  # workers of the last pass, and those that need only the file, or move nothing
+        self._records: queue.Queue[tuple[str, str]] = queue.Queue(1000)
+        for work in (self._write_files, self._write_records):
+            threading.Thread(target=work, daemon=True, name="stop files").start()
 
-    def __post_init__(self) -> None:
-        threading.Thread(target=self._keep, daemon=True, name="stop files").start()
+    async def press(self, by: str) -> dict[str, int]:
+        """Stops all work; returns the number of workers, and the number of those that have confirmed.
 
-    def ask(self) -> int:
-        """Requests a pass; returns the number of passes before."""
+        A planner counts as one that has: it moves nothing, and ends without an answer.
+        """
+        called = list(self._lines)
+        for line in called:
+            line.heard.clear()
+            line.writer.write(STOP)
         passes = self._passes
-        self._asked.set()
-        return passes
+        self._files_asked.set()
+        waiting = [asyncio.create_task(line.heard.wait()) for line in called if line.job != PLAN_JOB]
+        _, late = await asyncio.wait(waiting, timeout=_HEARD_WITHIN) if waiting else (set(), set())
+        for task in late:
+            task.cancel()
+        if late or not called:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_FILES_WITHIN):
+                    while self._passes == passes:
+                        await asyncio.sleep(0.005)
+        with contextlib.suppress(queue.Full):
+            self._records.put_nowait((by, ", ".join(sorted(line.name for line in called))))
+        if called:
+            return {"stopped": len(called), "heard": len(called) - len(late)}
+        return {"stopped": self._found, "heard": self._held}
 
-    def done_since(self, passes: int) -> bool:
-        """Returns True if a pass has ended since."""
-        return self._passes > passes
-
-    def _keep(self) -> None:
-        while self._asked.wait():
-            self._asked.clear()
+    def _write_files(self) -> None:
+        while self._files_asked.wait():
+            self._files_asked.clear()
             found = held = 0
             with contextlib.suppress(OSError):
-                for folder in find_work(self.root):
+                for folder in find_work(self._root):
                     found += 1
                     held += folder.path.name == QUEUE or find_job(folder) == PLAN_JOB
                     with contextlib.suppress(OSError):  # its folder was deleted
                         folder.stop_now()
-            self.found, self.held = found, held
+            self._found, self._held = found, held
             self._passes += 1
 
-
-class StopRecorder:
-    """Writes stops into the studio's database afterwards, even if it is locked for long."""
-
-    def __init__(self, root: Path) -> None:
-        self._root = root
-        self._waiting: queue.Queue[tuple[str, str]] = queue.Queue(1000)
-        threading.Thread(target=self._keep, daemon=True, name="record").start()
-
-    def note(self, by: str, what: str) -> None:
-        """Adds a stop of these paintings. It is dropped if a thousand entries wait already."""
-        with contextlib.suppress(queue.Full):
-            self._waiting.put_nowait((by, what))
-
-    def _keep(self) -> None:
+    def _write_records(self) -> None:
         while True:
-            by, what = self._waiting.get()
+            by, what = self._records.get()
             while True:
                 try:
                     PaintingStore(self._root).note(by, what, "stop")
@@ -278,55 +289,20 @@ class StopRecorder:
                 except (StorageError, OSError):
                     time.sleep(1)
 
-
-@dataclass(frozen=True)
-class _Caller:
-    """Worker at the other end of a line: the name of its folder, and its job."""
-
-    name: str
-    job: str
-
-
-class Stops:
-    """Sends a stop to all workers."""
-
-    def __init__(self, root: Path) -> None:
-        self._files, self._recorder = StopFiles(root), StopRecorder(root)
-        self.lines: dict[asyncio.StreamWriter, _Caller] = {}
-        self._heard: dict[asyncio.StreamWriter, asyncio.Event] = {}
-
-    async def press(self, by: str) -> dict[str, int]:
-        """Stops all work; returns the number of workers, and the number of those that have confirmed.
-
-        A planner counts as one that has: it moves nothing, and ends without an answer.
-        """
-        called = dict(self.lines)
-        for line in called:
-            self._heard[line].clear()
-            line.write(STOP)
-        passes = self._files.ask()
-        movers = [line for line, caller in called.items() if caller.job != PLAN_JOB]
-        waiting = [asyncio.create_task(self._heard[line].wait()) for line in movers]
-        done, late = await asyncio.wait(waiting, timeout=_HEARD_WITHIN) if waiting else (set(), set())
-        for task in late:
-            task.cancel()
-        if late or not called:
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(_FILES_WITHIN):
-                    while not self._files.done_since(passes):
-                        await asyncio.sleep(0.005)
-        self._recorder.note(by, ", ".join(sorted(caller.name for caller in called.values())))
-        if called:
-            return {"stopped": len(called), "heard": len(done) + len(called) - len(movers)}
-        return {"stopped": self._files.found, "heard": self._files.held}
-
     async def answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serves a caller on the local socket."""
         try:
             kind, _, name = (await reader.readline()).decode(errors="replace").strip().partition(" ")
             if kind == WORK:
                 name, _, job = name.partition(" ")
-                await self._keep_line(_Caller(name, job), reader, writer)
+                line = _Line(name, job, writer)
+                self._lines.add(line)
+                try:
+                    while await reader.read(1) == HEARD:
+                        line.heard.set()
+                finally:
+                    line.heard.set()  # its process is gone
+                    self._lines.remove(line)
             elif kind == PRESS:
                 writer.write(json.dumps(await self.press(name)).encode())
                 await writer.drain()
@@ -337,28 +313,17 @@ class Stops:
         finally:
             writer.close()
 
-    async def _keep_line(self, caller: _Caller, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        heard = asyncio.Event()
-        self.lines[writer], self._heard[writer] = caller, heard
+    async def press_at_listener(self, by: str) -> dict[str, int]:
+        """Stops all work through the listener; if it does not answer, from this process."""
         try:
-            while await reader.read(1) == HEARD:
-                heard.set()
-        finally:
-            heard.set()  # its process is gone
-            del self.lines[writer], self._heard[writer]
-
-
-async def press(stops: Stops, root: Path, by: str) -> dict[str, int]:
-    """Stops all work through the listener; if it does not answer, through `stops` of this process."""
-    try:
-        async with asyncio.timeout(_LISTENER_WITHIN):
-            with address(root) as place:
-                reader, writer = await asyncio.open_unix_connection(place)
-            try:
-                writer.write(f"{PRESS} {by}\n".encode())
-                answer: dict[str, int] = json.loads(await reader.read())
-            finally:
-                writer.close()
-            return answer
-    except (OSError, ValueError, TimeoutError):
-        return await stops.press(by)
+            async with asyncio.timeout(_LISTENER_WITHIN):
+                with address(self._root) as place:
+                    reader, writer = await asyncio.open_unix_connection(place)
+                try:
+                    writer.write(f"{PRESS} {by}\n".encode())
+                    answer: dict[str, int] = json.loads(await reader.read())
+                finally:
+                    writer.close()
+                return answer
+        except (OSError, ValueError, TimeoutError):
+            return await self.press(by)

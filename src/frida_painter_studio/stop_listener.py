@@ -1,8 +1,8 @@
-"""Process that receives stops: its own port and secret, without sessions, thread pools, databases or disks.
+"""Listener for stops: a process with its own port and secret, without sessions, thread pools, databases or disks.
 
-Run it with `python -m frida_painter_studio.stop_listener FOLDER PORT LINE LOCK CONFIG`. FOLDER is the studio's folder.
-PORT and LINE are inherited listening sockets, for pages and for workers. LOCK is the inherited lock file of the
-listener. CONFIG holds names and certificate as JSON.
+`StopProcess` starts it, or uses a running one: `python -m frida_painter_studio.stop_listener FOLDER PORT LINE LOCK
+CONFIG`. FOLDER is the studio's folder. PORT and LINE are inherited listening sockets, for pages and for workers. LOCK
+is the inherited lock file of the listener. CONFIG holds names and certificate as JSON.
 
 The process lives as long as a studio is open or a worker works, also after the studio was closed or has crashed.
 """
@@ -12,118 +12,191 @@ import contextlib
 import json
 import os
 import socket
+import subprocess
 import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
-import h11
+import uvicorn
+from starlette.datastructures import Headers
+from starlette.responses import JSONResponse
+from starlette.types import Receive, Scope, Send
+from uvicorn.server import ServerState
 
-from frida_painter_studio.network import Certificate, Connections, WebAppLock, most_connections
-from frida_painter_studio.stop import StopKey, Stops
+from frida_painter import python_process, storage
+from frida_painter.errors import ConfigError, StorageError
+from frida_painter_studio.commands import Role
+from frida_painter_studio.network import (
+    Certificate,
+    Connections,
+    WaitingProtocol,
+    WebAppLock,
+    most_connections,
+    read_body,
+)
+from frida_painter_studio.stop import END, StopKey, Stops, call, listen_locally
 from frida_painter_studio.studio_folder import find_work
 
 _PATIENCE = 3.0  # seconds for a whole request
 _MAX_BYTES = 8192
 _BETWEEN_LOOKS = 1.0
+_HEADERS = {"Connection": "close", "Cache-Control": "no-store", "X-Content-Type-Options": "nosniff", "Vary": "Origin"}
 
 
-class StopRequest(asyncio.Protocol):
-    """HTTP request of a page: `POST /stop` with the secret as its body, or `GET /` to check the listener.
+@dataclass(frozen=True)
+class StopReceiver:
+    """ASGI application for pages: `POST /stop` with the secret as its body, or `GET /` to check the listener.
 
     A plain POST needs no CORS preflight, so a stop takes one round trip.
     """
 
-    def __init__(self, stops: Stops, key: StopKey, names: frozenset[str]) -> None:
-        self._stops, self._key, self._names = stops, key, names
-        self._http = h11.Connection(h11.SERVER, _MAX_BYTES)
-        self._body, self._request = b"", h11.Request(method="GET", target="/", headers=[("host", "")])
-        self.waiting_since: float | None = None
-        self._task: asyncio.Task[None] | None = None
+    stops: Stops
+    key: StopKey
+    names: frozenset[str]
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Starts to wait for a request."""
-        assert isinstance(transport, asyncio.Transport)
-        self._transport = transport
-        self.waiting_since = asyncio.get_running_loop().time()
-
-    def data_received(self, data: bytes) -> None:
-        """Reads data, and answers a complete request."""
-        try:
-            self._http.receive_data(data)
-            while True:
-                event = self._http.next_event()
-                if isinstance(event, h11.Request):
-                    self._request = event
-                elif isinstance(event, h11.Data):
-                    self._body += event.data
-                    if len(self._body) > _MAX_BYTES:
-                        self._transport.abort()
-                        return
-                elif isinstance(event, h11.EndOfMessage):
-                    self.waiting_since = None
-                    self._task = asyncio.get_running_loop().create_task(self._answer())
-                    return
-                else:
-                    return
-        except h11.RemoteProtocolError:
-            self._transport.abort()
-
-    async def _answer(self) -> None:
-        headers = {bytes(name): bytes(value).decode("latin-1") for name, value in self._request.headers}
-        origin = headers.get(b"origin", "")
-        known = urlsplit(f"//{headers.get(b'host', '')}").hostname in self._names
-        if not known or (origin and _hostname(origin) not in self._names):
-            self._send(403, {"sentence": "Another page asked for this."}, "")
-        elif self._request.method == b"GET":
-            self._send(200, {"listening": True}, origin)
-        elif (self._request.method, self._request.target) != (b"POST", b"/stop"):
-            self._send(404, {"sentence": "Here is only POST /stop."}, origin)
-        elif (role := self._key.role(self._body.decode("utf-8", "replace").strip())) is None:
-            self._send(403, {"sentence": "This page is too old to stop; use the robot's emergency stop."}, origin)
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers 200, 403, 404 or 413; `Connections` cuts what is late."""
+        headers, way = Headers(scope=scope), (scope["method"], scope["path"])
+        origin, body = headers.get("origin", ""), await read_body(receive, _MAX_BYTES)
+        told: dict[str, Any]
+        known = _hostname(f"//{headers.get('host', '')}") in self.names
+        if not known or (origin and _hostname(origin) not in self.names):
+            status, origin, told = 403, "", {"sentence": "Another page asked for this."}
+        elif scope["method"] == "GET":
+            status, told = 200, {"listening": True}
+        elif way != ("POST", "/stop"):
+            status, told = 404, {"sentence": "Here is only POST /stop."}
+        elif body is None:
+            status, told = 413, {"sentence": "This is no secret for stops."}
+        elif (role := self.key.role(body.decode("utf-8", "replace").strip())) is None:
+            status, told = 403, {"sentence": "This page is too old to stop; use the robot's emergency stop."}
         else:
-            self._send(200, dict(await self._stops.press(role.name)), origin)
-
-    def _send(self, status: int, said: dict[str, object], origin: str) -> None:
-        body = json.dumps(said).encode()
-        headers = [("Content-Type", "application/json"), ("Content-Length", str(len(body))), ("Connection", "close")]
-        headers += [("Cache-Control", "no-store"), ("X-Content-Type-Options", "nosniff"), ("Vary", "Origin")]
-        if origin:
-            headers.append(("Access-Control-Allow-Origin", origin))
-        answer = h11.Response(status_code=status, headers=headers, reason=b"")
-        content = b"".join(filter(None, map(self._http.send, (answer, h11.Data(data=body), h11.EndOfMessage()))))
-        self._transport.write(content)
-        self._transport.close()
+            status, told = 200, await self.stops.press(role.name)
+        shared = {"Access-Control-Allow-Origin": origin} if origin else {}
+        await JSONResponse(told, status, {**_HEADERS, **shared})(scope, receive, send)
 
 
-def _hostname(origin: str) -> str | None:
-    try:
-        return urlsplit(origin).hostname
-    except ValueError:
-        return None
+def _hostname(address: str) -> str | None:
+    with contextlib.suppress(ValueError):
+        return urlsplit(address).hostname
+    return None
 
 
 async def serve(root: Path, port: socket.socket, line: socket.socket, config: dict[str, list[str]]) -> None:
     """Receives stops until no studio is open and no worker works."""
-    stops, key = Stops(root), StopKey.of(root)
-    names, files = frozenset(config["names"]), config["certificate"]
-    tls = Certificate(*map(Path, files)).context() if files else None
+    stops, files = Stops(root), config["certificate"]
+    receiver = StopReceiver(stops, StopKey.of(root), frozenset(config["names"]))
+    http = uvicorn.Config(
+        receiver, log_config=None, log_level="error", access_log=False, server_header=False, date_header=False,
+        ws="none", lifespan="off", proxy_headers=False, h11_max_incomplete_event_size=_MAX_BYTES,
+    )  # fmt: skip
+    state = ServerState()
     listening = Connections(
-        port, lambda: StopRequest(stops, key, names), most=most_connections(), patience=_PATIENCE, tls=tls
+        port,
+        lambda: WaitingProtocol(http, state, {}, asyncio.get_running_loop(), for_body=True),
+        most=most_connections(),
+        patience=_PATIENCE,
+        tls=Certificate(*map(Path, files)).context() if files else None,
     )
     local = await asyncio.start_unix_server(stops.answer, sock=line)
     accepting = asyncio.create_task(listening.accept())
     async with local:
         while not accepting.done():
             await asyncio.sleep(_BETWEEN_LOOKS)
-            if await asyncio.to_thread(_alone, root):
+            # Alone, if no studio is open and no worker works; no studio can then open before this process ends.
+            if await asyncio.to_thread(lambda: not find_work(root) and WebAppLock(root).take_alone()):
                 return
 
 
-def _alone(root: Path) -> bool:
-    """Returns True if no studio is open and no worker works; no studio can then open before this process ends."""
-    if find_work(root):
-        return False
-    return WebAppLock(root).take_alone()
+# Keeper of the listener, in the studio's process.
+
+_FILE = ".stop.json"
+_LOCK = ".stop-lock"
+_ENDING = 3.0  # seconds
+
+
+@dataclass
+class StopProcess:
+    """Listener for stops of the studio in `root`.
+
+    listen: returns a listening socket on a port, 0 for a free one; raises ConfigError.
+    names: host names of this machine in browsers.
+    wanted: preferred port.
+    certificate: None without encryption.
+    port: port of the started listener.
+    """
+
+    root: Path
+    listen: Callable[[int], socket.socket]
+    names: frozenset[str]
+    wanted: int
+    certificate: Certificate | None = None
+    port: int = field(default=0, init=False)
+    _stop_key: StopKey | None = field(default=None, init=False)
+    _process: "subprocess.Popen[bytes] | None" = field(default=None, init=False)
+
+    def start(self) -> None:
+        """Starts a listener, unless a running one has the same settings. Raises ConfigError, StorageError."""
+        files = self.certificate and [str(self.certificate.certificate), str(self.certificate.key)]
+        config: dict[str, Any] = {"names": sorted(self.names), "certificate": files}
+        lock = WebAppLock(self.root, _LOCK)
+        try:
+            before: dict[str, Any] = {}
+            with contextlib.suppress(StorageError):  # there was no listener
+                before = storage.read_json(self.root / _FILE, "where stops are listened to")
+            port = int(before.get("port", 0))
+            if not lock.take_alone():
+                if port and before == config | {"port": port}:
+                    self.port = port
+                    return
+                self._end_other(lock)
+            self._launch(lock, config, self.port or port or self.wanted)
+        except OSError as error:
+            raise StorageError(f"The listener for stops cannot be started ({error.strerror}).") from error
+        finally:
+            lock.release()
+
+    def secret(self, role: Role) -> str:
+        """Returns the secret for stops of a page of that role. Raises StorageError."""
+        if self._stop_key is None:
+            self._stop_key = StopKey.of(self.root)
+        return self._stop_key.secret(role)
+
+    async def keep(self) -> None:
+        """Restarts the listener whenever it has ended."""
+        while True:
+            await asyncio.sleep(_BETWEEN_LOOKS)
+            if self._process is not None:
+                self._process.poll()
+            with contextlib.suppress(ConfigError, StorageError):
+                await asyncio.to_thread(self.start)
+
+    def _end_other(self, lock: WebAppLock) -> None:
+        with contextlib.suppress(OSError), call(self.root) as line:
+            line.sendall(f"{END}\n".encode())
+        until = time.monotonic() + _ENDING
+        while not lock.take_alone():
+            if time.monotonic() > until:
+                raise StorageError("Another studio in this folder listens for stops, and does not give way; close it.")
+            time.sleep(0.02)
+
+    def _launch(self, lock: WebAppLock, config: dict[str, Any], wanted: int) -> None:
+        try:
+            port = self.listen(wanted)
+        except ConfigError:
+            port = self.listen(0)
+        with port, listen_locally(self.root) as line, (self.root / "stop.log").open("ab") as log:
+            self.port = port.getsockname()[1]
+            storage.write_json(self.root / _FILE, {**config, "port": self.port})
+            inherited = [port.fileno(), line.fileno(), lock.fileno()]
+            self._process = python_process.start(
+                "-m", "frida_painter_studio.stop_listener", self.root, *inherited, json.dumps(config),
+                pass_fds=inherited, start_new_session=True, stdout=log, stderr=log,
+            )  # fmt: skip
 
 
 def main() -> None:

@@ -188,8 +188,8 @@ def keep(content: bytes, folder: Path) -> str:
         single = python_process.environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", VIPS_CONCURRENCY="1")
         try:
             done = python_process.run(
-                "-m", "frida_painter_studio.decoder", input=content, stdout=decoded, timeout=MAX_SECONDS, env=single,
-                start_new_session=True,
+                "-m", "frida_painter_studio.reader", "picture", input=content, stdout=decoded, timeout=MAX_SECONDS,
+                env=single, start_new_session=True,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
             raise ImageError(_TOO_MUCH) from None

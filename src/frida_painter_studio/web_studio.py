@@ -23,7 +23,7 @@ from frida_painter_studio.picture_choosing import AllowedMakers, ChosenPicture, 
 from frida_painter_studio.security import Lead, Presence, Session
 from frida_painter_studio.state import FeedStates, Shown, StateStreams, Topic
 from frida_painter_studio.stop import Stops
-from frida_painter_studio.stop_process import StopProcess
+from frida_painter_studio.stop_listener import StopProcess
 from frida_painter_studio.store import Entry, PaintingStore, Uploads
 from frida_painter_studio.studio_folder import KeptRequest, PaintingFolder, PaintingRequest, PlanFolder, working
 from frida_painter_studio.web_app_easel import WebAppEasel

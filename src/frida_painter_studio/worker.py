@@ -47,12 +47,11 @@ from frida_painter_calibration.calibrating import (
     record_to_renew,
 )
 from frida_painter_calibration.machine_setup import SetupEvent, SetupOrder, lead_setup
-from frida_painter_studio.imaginer import imagine
 from frida_painter_studio.jobs import CalibrationRequest, SetupRequest, TeachingRequest
 from frida_painter_studio.painter import Asker, PauseController
+from frida_painter_studio.side_jobs import imagine, teach
 from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, PaintingFolder, PlanFolder
-from frida_painter_studio.teacher import teach
 from frida_painter_studio.telling import Growing, Reporter, export, illustrate, mixtures
 from frida_painter_studio.web_app_easel import WebAppEasel
 

@@ -6,7 +6,7 @@ returns the answer: a part of the canvas to leave free or to paint in, or other 
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -28,6 +28,7 @@ from frida_painter.strokes import StrokeLimits, Strokes
 
 Keep = Literal["welcome", "protect"]
 """Fate of a person's paint: the beginning of the painting, or a part that no stroke may touch."""
+Mask = NDArray[np.bool_]
 _MARGIN = 0.004  # metres around a person's paint that are protected with it
 _ENCLOSED = 0.002  # least share of the canvas that a closed line encloses
 
@@ -72,7 +73,7 @@ class StrokeSpirit:
         return cls(stroke.place[0], angle, length, bend, float(stroke.press.mean()), color)
 
 
-def trace_strokes(painted: NDArray[np.bool_], seen: Tensor, size: CanvasSize) -> list[StrokeSpirit]:
+def trace_strokes(painted: Mask, seen: Tensor, size: CanvasSize) -> list[StrokeSpirit]:
     """Returns a stroke for each connected part of added paint, from left to right.
 
     painted [H, W]: True where the paint is. seen [3, H, W]: the canvas with it.
@@ -88,27 +89,22 @@ def trace_strokes(painted: NDArray[np.bool_], seen: Tensor, size: CanvasSize) ->
         middle = place.mean(0)
         _, _, axes = np.linalg.svd(place - middle, full_matrices=False)
         along = axes[0] * (1 if tuple(axes[0]) > (0.0, 0.0) else -1)  # a right-handed hand goes to the right
-        way, aside = (place - middle) @ along, (place - middle) @ np.array([-along[1], along[0]])
+        across = np.array([-along[1], along[0]])
+        way, aside = (place - middle) @ along, (place - middle) @ across
         first, last = np.percentile(way, [1, 99])
         inner = np.abs(way - (first + last) / 2) < 0.15 * max(last - first, 1e-6)
         ends = np.abs(way - (first + last) / 2) > 0.4 * (last - first)
-        bow = float(np.median(aside[inner]) - np.median(aside[ends])) if inner.any() and ends.any() else 0.0
+        end = float(np.median(aside[ends])) if ends.any() else 0.0
+        bow = float(np.median(aside[inner])) - end if inner.any() and ends.any() else 0.0
         red, green, blue = np.median(picture[rows, columns], axis=0).tolist()
-        start = (
-            middle
-            + first * along
-            + (float(np.median(aside[ends])) if ends.any() else 0.0) * np.array([-along[1], along[0]])
-        )
-        angle = math.atan2(along[1], along[0])
+        start, angle = middle + first * along + end * across, math.atan2(along[1], along[0])
         found.append(
             StrokeSpirit(start, angle, max(float(last - first), 1e-3), bow / 0.75, _USUAL_PRESS, (red, green, blue))
         )
     return sorted(found, key=lambda each: float(each.start[0]))
 
 
-def continue_drawing(
-    spirit: Sequence[StrokeSpirit], rest: Plan, count: int, clear: NDArray[np.bool_] | None, seed: int
-) -> Plan:
+def continue_drawing(spirit: Sequence[StrokeSpirit], rest: Plan, count: int, clear: Mask | None, seed: int) -> Plan:
     """Returns strokes in the spirit of a person's, as many as `rest` has in each layer, or `count` if it has none.
 
     rest: strokes that they replace, for canvas, brushes and paints.
@@ -123,19 +119,20 @@ def continue_drawing(
     chain = _Chain(spirit, rest.canvas, clear, random)
     strokes, paints, layers = [Strokes.empty()], [torch.zeros(0, dtype=torch.long)], []
     for part, layer in zip(rest.by_layer(), rest.layers, strict=True):
-        wanted = len(part) if len(rest) else count
-        chosen = [spirit[int(random.integers(len(spirit)))] for _ in range(wanted)]
-        taught = [part.strokes[[number]].taught if len(part) else None for number in range(wanted)]
-        placed = [chain.place(one, layer.limits, code) for one, code in zip(chosen, taught, strict=True)]
-        made = [(one, stroke) for one, stroke in zip(chosen, placed, strict=True) if stroke is not None]
+        chosen = [spirit[int(random.integers(len(spirit)))] for _ in range(len(part) if len(rest) else count)]
+        placed, colors = [], []
+        for number, one in enumerate(chosen):
+            stroke = chain.place(one, layer.limits, part.strokes[[number]].taught if len(part) else None)
+            if stroke is not None:
+                placed.append(stroke)
+                colors.append(one.color)
         first, end = layer.paints
-        wanted_colors = torch.tensor([one.color for one, _ in made]).reshape(-1, 3)
-        paint = first + torch.cdist(to_lab(wanted_colors), to_lab(rest.palette.color[first:end])).argmin(1)
-        if made:
-            together = Strokes.join(*(stroke for _, stroke in made))
-            strokes.append(together.with_groups(color=rest.palette.color[paint]))
+        wanted = torch.tensor(colors).reshape(-1, 3)
+        paint = first + torch.cdist(to_lab(wanted), to_lab(rest.palette.color[first:end])).argmin(1)
+        if placed:
+            strokes.append(Strokes.join(*placed).with_groups(color=rest.palette.color[paint]))
         paints.append(paint)
-        layers.append(replace(layer, strokes=len(made)))
+        layers.append(replace(layer, strokes=len(placed)))
     if not any(layer.strokes for layer in layers):
         raise ConfigError("There is no free place left for a stroke; remove the protection, or paint elsewhere.")
     return replace(rest, strokes=Strokes.join(*strokes), paint=torch.cat(paints), layers=tuple(layers))
@@ -145,11 +142,7 @@ class _Chain:
     """Places strokes one after another, in the rhythm of a person's strokes."""
 
     def __init__(
-        self,
-        spirit: Sequence[StrokeSpirit],
-        size: CanvasSize,
-        clear: NDArray[np.bool_] | None,
-        random: np.random.Generator,
+        self, spirit: Sequence[StrokeSpirit], size: CanvasSize, clear: Mask | None, random: np.random.Generator
     ) -> None:
         starts = np.array([each.start for each in spirit])
         self._ways = np.diff(starts, axis=0) if len(starts) > 1 else np.full((1, 2), 0.3 * spirit[0].length)
@@ -158,19 +151,23 @@ class _Chain:
 
     def place(self, like: StrokeSpirit, limits: StrokeLimits, taught: Taught | None) -> Strokes | None:
         """Returns one stroke at the next place; None if no free place is found."""
-        corner = np.array([self._size.width, self._size.height])
+        corner, clear = np.array([self._size.width, self._size.height]), self._clear
         ways = self._heading * self._ways[self._random.integers(len(self._ways), size=_TRIES)]
         chain = self._here + ways + self._random.normal(0, _BESIDE, (_TRIES, 2))
-        tried = np.concatenate([chain, self._anywhere(corner)])
+        if clear is None or clear.all():
+            anywhere = self._random.uniform(size=(_ANYWHERE, 2)) * corner
+        else:
+            places = np.argwhere(~clear)
+            row, column = (places[self._random.integers(len(places), size=_ANYWHERE)] + 0.5).T
+            anywhere = np.c_[column / clear.shape[1], 1 - row / clear.shape[0]] * corner
+        tried = np.concatenate([chain, anywhere])
         angle = like.angle + self._random.normal(0, _TURNED, len(tried))
         every = torch.ones(len(tried))
         strokes = Strokes(
             torch.from_numpy(tried).float(), torch.from_numpy(angle).float(), like.length * every, like.bend * every,
             like.press * every, torch.zeros(len(tried), 3), None if taught is None else taught[[0] * len(tried)],
         ).project(limits, self._size)  # fmt: skip
-        free = np.ones(len(tried), np.bool_)
-        if self._clear is not None:
-            free = ~touches(strokes, self._clear, self._size)
+        free = np.ones(len(tried), np.bool_) if clear is None else ~touches(strokes, clear, self._size)
         if not free.any():
             return None
         moved = np.linalg.norm(strokes.position.numpy() - tried, axis=1)  # onto the canvas
@@ -181,15 +178,6 @@ class _Chain:
             self._heading = np.where(over, -self._heading, self._heading)
         self._here = strokes.position[at].double().numpy()
         return strokes[[at]]
-
-    def _anywhere(self, corner: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Returns places chosen by chance that are not protected, [k, 2] in canvas metres; all are on the canvas."""
-        if self._clear is None or self._clear.all():
-            return self._random.uniform(size=(_ANYWHERE, 2)) * corner
-        free = np.argwhere(~self._clear)
-        rows, columns = self._clear.shape
-        row, column = (free[self._random.integers(len(free), size=_ANYWHERE)] + 0.5).T
-        return np.c_[column / columns, 1 - row / rows] * corner
 
 
 # Policies
@@ -212,14 +200,14 @@ class TurnTaken:
 
     before: Tensor
     after: Tensor
-    painted: NDArray[np.bool_]
+    painted: Mask
     strokes: tuple[PersonStroke, ...]
     colors: tuple[tuple[float, float, float], ...]
     rest: Plan
     seed: int = 0
     count: int = 0
     room: int = 0
-    clear: NDArray[np.bool_] | None = None
+    clear: Mask | None = None
 
 
 @dataclass(frozen=True)
@@ -232,7 +220,7 @@ class TurnAnswer:
     """
 
     sentence: str
-    forbidden: NDArray[np.bool_] | None = None
+    forbidden: Mask | None = None
     rest: Plan | None = None
 
 
@@ -243,13 +231,13 @@ class TurnPolicy:
     name: under which it is registered.
     title: for the page.
     answer: raises ConfigError, with a sentence, if there is no answer of this kind to that turn.
+    own_keep: True if the policy itself says which part of the canvas is painted, so that it is not asked about.
     """
 
     name: str
     title: str
     answer: Callable[[TurnTaken], TurnAnswer]
-    own_keep: bool = field(default=False)
-    """True if the policy itself says which part of the canvas is painted, so that it is not asked about."""
+    own_keep: bool = False
 
 
 def find_turn_policy(name: str) -> TurnPolicy:
@@ -261,11 +249,7 @@ def find_turn_policy(name: str) -> TurnPolicy:
 
 
 def answer_turn(
-    policy: TurnPolicy,
-    keep: Keep,
-    turn: TurnTaken,
-    size_metres: float,
-    protected: NDArray[np.bool_] | None = None,
+    policy: TurnPolicy, keep: Keep, turn: TurnTaken, size_metres: float, protected: Mask | None = None
 ) -> TurnAnswer:
     """Returns the answer of a policy, with the person's paint protected if they want that.
 
@@ -280,11 +264,10 @@ def answer_turn(
     answer = policy.answer(replace(turn, clear=clear))
     forbidden, rest = _union(clear, answer.forbidden), answer.rest
     if rest is None and turn.count:
-        rest = continue_drawing(find_spirit(turn), turn.rest, turn.count, forbidden, turn.seed)
+        rest = continue_drawing(_find_spirit(turn), turn.rest, turn.count, forbidden, turn.seed)
     elif rest is not None and forbidden is not None and len(rest):
         rest = rest.part(np.flatnonzero(~touches(rest.strokes, forbidden, rest.canvas)).tolist())
-    changes = protects or answer.forbidden is not None
-    return TurnAnswer(answer.sentence, forbidden if changes else None, rest)
+    return TurnAnswer(answer.sentence, forbidden if protects or answer.forbidden is not None else None, rest)
 
 
 def answer_usually(turn: TurnTaken) -> Plan | None:
@@ -292,7 +275,7 @@ def answer_usually(turn: TurnTaken) -> Plan | None:
     return answer_turn(CONTINUE, "welcome", turn, turn.rest.canvas.height).rest if turn.count else None
 
 
-def _union(one: NDArray[np.bool_] | None, other: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+def _union(one: Mask | None, other: Mask | None) -> Mask | None:
     if one is None or other is None:
         return one if other is None else other
     return one | other
@@ -338,23 +321,21 @@ def _side(turn: TurnTaken) -> TurnAnswer:
     row, column = np.argwhere(turn.painted).mean(0) / (rows, columns) - 0.5
     forbidden = np.zeros_like(turn.painted)
     if abs(column) >= abs(row):
-        forbidden[:, : columns // 2] = column < 0
-        forbidden[:, columns // 2 :] = column >= 0
+        forbidden[:, slice(columns // 2) if column < 0 else slice(columns // 2, None)] = True
         mine = "right" if column < 0 else "left"
     else:
-        forbidden[: rows // 2] = row < 0
-        forbidden[rows // 2 :] = row >= 0
+        forbidden[slice(rows // 2) if row < 0 else slice(rows // 2, None)] = True
         mine = "lower" if row < 0 else "upper"
     return TurnAnswer(f"The robot answers on the {mine} side.", forbidden)
 
 
 def _continue(turn: TurnTaken) -> TurnAnswer:
     """Paints the rest in the spirit of the person's strokes: their colours, directions, lengths, press and rhythm."""
-    made = continue_drawing(find_spirit(turn), turn.rest, turn.count, turn.clear, turn.seed)
+    made = continue_drawing(_find_spirit(turn), turn.rest, turn.count, turn.clear, turn.seed)
     return TurnAnswer("The robot continues your drawing in its spirit.", None, made)
 
 
-def find_spirit(turn: TurnTaken) -> list[StrokeSpirit]:
+def _find_spirit(turn: TurnTaken) -> list[StrokeSpirit]:
     """Returns the properties of the person's strokes, known or traced. Raises ConfigError if there are none."""
     if turn.strokes:
         return [StrokeSpirit.of(stroke, color) for stroke, color in zip(turn.strokes, turn.colors, strict=True)]
@@ -364,7 +345,7 @@ def find_spirit(turn: TurnTaken) -> list[StrokeSpirit]:
     return traced
 
 
-def _grow(mask: NDArray[np.bool_], pixels: float) -> NDArray[np.bool_]:
+def _grow(mask: Mask, pixels: float) -> Mask:
     side = 2 * max(1, round(pixels)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     return cv2.dilate(mask.astype(np.uint8), disc).astype(np.bool_)

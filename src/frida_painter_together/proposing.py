@@ -103,12 +103,6 @@ def record_making(making: Making, maker: str, root: Path, shown: Sequence[str]) 
     return PicturesMade(making.words, maker, pictures, making.best, making.rule, list(making.faults))
 
 
-def chosen_record(picture: Path) -> dict[str, Any]:
-    """Returns the record of the making of a picture, as of the one that a person chose. Raises StorageError."""
-    record = storage.read_json(picture.parent / MAKING, "the record of a making")
-    return record | {"chosen": picture.name, "because": "a person chose it"}
-
-
 def pursue(
     session: PaintingSession,
     folder: Path,
@@ -167,8 +161,7 @@ def union_of(region: Region | None, painted: NDArray[np.bool_]) -> NDArray[np.bo
 
 def resize_mask(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Returns a mask at another size (rows, columns)."""
-    rows, columns = shape
-    return cv2.resize(mask.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST) > 0
+    return cv2.resize(mask.astype(np.uint8), shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
 
 
 # Talk with a person at the terminal
@@ -186,13 +179,9 @@ class Proposer:
     """
 
     def __init__(
-        self,
-        run: "PaintingRun",
-        maker: str,
-        stop_asked: Callable[[], bool],
-        ask: Callable[[str], str],
+        self, run: "PaintingRun", maker: str, stop_asked: Callable[[], bool], ask: Callable[[str], str],
         confirm: Callable[[str], bool],
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._run, self._maker, self._stop_asked, self._ask, self._confirm = run, maker, stop_asked, ask, confirm
         self._typed, self._talking = "", False
         history = run.history
@@ -246,7 +235,6 @@ class Proposer:
             self._choose(proposed)
 
     def _propose(self, words: str) -> None:
-
         words = read_prompt(words, "The change")
         session, folder = self._run.session, self._run.folder
         assert session is not None
@@ -278,13 +266,14 @@ class Proposer:
             _tell(f"Type a number from 1 to {count}, or nothing.")
 
     def _pursue(self, file: str) -> None:
-
         session, picture = self._run.session, self._run.folder / file
         assert session is not None
         session.note(RequestTaken({"kind": "choose", "file": file}))
         _tell("The rest is planned towards it, with the paints that are mixed.")
-        storage.write_json(picture.parent / MAKING, chosen_record(picture))
-        pursue(session, self._run.folder, RunSpec.of(goal=[{"image": str(Path(picture))}]), {})
+        record = storage.read_json(picture.parent / MAKING, "the record of a making")
+        chosen = {"chosen": picture.name, "because": "a person chose it"}
+        storage.write_json(picture.parent / MAKING, record | chosen)
+        pursue(session, self._run.folder, RunSpec.of(goal=[{"image": str(picture)}]), {})
         session.note(RequestTaken({}))
 
 

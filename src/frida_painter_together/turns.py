@@ -18,7 +18,7 @@ from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CameraError, ConfigError, PaintingPaused
-from frida_painter.hardware.easel import PersonBrush, PersonCanvas, PersonStroke
+from frida_painter.hardware.easel import PersonCanvas, PersonStroke
 from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import MARK, find_painted
 from frida_painter.session.events import TimelapseFrame
@@ -76,7 +76,16 @@ class PenStroke:
         too long.
         """
         given = np.array(self.points, np.float64).reshape(-1, len(PEN_LIMITS))
-        _require_numbers(given)
+        if not len(given):
+            raise ConfigError("The stroke has no points; touch the canvas with the brush.")
+        for (name, least, most), values in zip(PEN_LIMITS, given.T, strict=True):
+            good = (least <= values) & (values <= most)
+            if not good.all():
+                first = int(np.argmin(good))
+                raise ConfigError(
+                    f"Point {first + 1} of the stroke has a {name} of {values[first]}; it is a number from {least:g} "
+                    f"to {most:.4g}. Nothing was painted; paint the stroke again."
+                )
         page = torch.from_numpy(given[:, :2] * (canvas.width, canvas.height))
         place = canvas.on_page(page).numpy()  # its own inverse
         over = np.maximum(-place, place - (canvas.width, canvas.height)).max(1)
@@ -95,20 +104,6 @@ class PenStroke:
         kept = way[thin(way / _EXACT)]
         seconds = float(given[-1, 5] - given[0, 5])
         return PersonStroke(number, self.brush, self.paint, kept[:, :2], kept[:, 2], kept[:, 3], kept[:, 4], seconds)
-
-
-def _require_numbers(given: NDArray[np.float64]) -> None:
-    """Raises ConfigError that names the first value that is none, or out of range."""
-    if not len(given):
-        raise ConfigError("The stroke has no points; touch the canvas with the brush.")
-    for (name, least, most), values in zip(PEN_LIMITS, given.T, strict=True):
-        good = (least <= values) & (values <= most)
-        if not good.all():
-            first = int(np.argmin(good))
-            raise ConfigError(
-                f"Point {first + 1} of the stroke has a {name} of {values[first]}; it is a number from {least:g} to "
-                f"{most:.4g}. Nothing was painted; paint the stroke again."
-            )
 
 
 def thin(way: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -133,29 +128,6 @@ def thin(way: NDArray[np.float64]) -> NDArray[np.intp]:
             keep[middle] = True
             open_ends += [(first, middle), (middle, last)]
     return np.flatnonzero(keep)
-
-
-def draw_stroke(stroke: PersonStroke, brush: PersonBrush, size: CanvasSize, mask: NDArray[np.uint8]) -> None:
-    """Sets the pixels of a mask [H, W] of the whole canvas to 1 where the stroke of that brush is."""
-    rows, columns = mask.shape
-    pixels = stroke.place / (size.width, size.height) * (columns, -rows) + (0, rows)
-    width = (brush.light + (brush.hard - brush.light) * stroke.press) / size.height * rows
-    for start, end, wide in zip(pixels, np.r_[pixels[1:], pixels[-1:]], width, strict=True):
-        first, last = ((round(float(x)), round(float(y))) for x, y in (start, end))
-        cv2.line(mask, first, last, 1, max(1, round(float(wide))))
-
-
-def begin_stroke(stroke: PersonStroke, wells: Palette | None, done: int) -> PersonStrokeBegan:
-    """Returns the record of a stroke that will now be painted, after `done` strokes of the robot.
-
-    wells: paints in the wells, None if they are unknown.
-    Raises ConfigError if the well has no paint.
-    """
-    count = 0 if wells is None else len(wells.color)
-    if wells is None or not 0 <= stroke.paint < count:
-        raise ConfigError(f"Well {stroke.paint + 1} has no paint; {count} wells are filled. Take one of them.")
-    red, green, blue = wells.color[stroke.paint].tolist()
-    return PersonStrokeBegan(stroke.number, done, stroke.record(), (red, green, blue))
 
 
 # Turns
@@ -231,14 +203,20 @@ class PersonTurns:
         if stroke.brush not in {each.name for each in easel.person_brushes}:
             names = ", ".join(each.name for each in easel.person_brushes)
             raise ConfigError(f"There is no brush {stroke.brush[:40]!r} here; take {names}.")
-        begun = begin_stroke(stroke, progress.wells, progress.painted)
+        wells = progress.wells
+        count = 0 if wells is None else len(wells.color)
+        if wells is None or not 0 <= stroke.paint < count:
+            raise ConfigError(f"Well {stroke.paint + 1} has no paint; {count} wells are filled. Take one of them.")
+        red, green, blue = wells.color[stroke.paint].tolist()
+        begun = PersonStrokeBegan(stroke.number, progress.painted, stroke.record(), (red, green, blue))
         if not progress.person_unseen:
             self._monitor.observe()
             self._plans.keep()
         self._journal.tell(begun)
         self._lay(stroke)
         self._begun.append(begun)
-        self._tell_canvas(begun.color)
+        seen = self._observer.film(self._observer.photograph(self._hand.last_motion).image, TIMELAPSE_ROWS)
+        self._tell(TimelapseFrame(seen, progress.painted, max(1, progress.strokes), begun.color))
 
     def remember(self, strokes: Sequence[PersonStrokeBegan], answered: int, released: int = 0) -> None:
         """Takes over the person's strokes of earlier runs.
@@ -273,8 +251,14 @@ class PersonTurns:
         brushes = {brush.name: brush for brush in self._hand.easel.person_brushes}
         size = self._hand.easel.canvas
         mask = np.zeros((PHOTOGRAPH_ROWS, round(PHOTOGRAPH_ROWS * size.width / size.height)), np.uint8)
+        rows, columns = mask.shape
         for stroke in (PersonStroke.of(each.stroke) for each in self._begun[self._released :]):
-            draw_stroke(stroke, brushes[stroke.brush], size, mask)
+            brush = brushes[stroke.brush]
+            pixels = stroke.place / (size.width, size.height) * (columns, -rows) + (0, rows)
+            points = pixels.round().astype(int).tolist()
+            width = (brush.light + (brush.hard - brush.light) * stroke.press) / size.height * rows
+            for start, end, wide in zip(points, [*points[1:], points[-1]], width, strict=True):
+                cv2.line(mask, start, end, 1, max(1, round(float(wide))))
         return mask > 0 if mask.any() else None
 
     def await_paint(self) -> None:
@@ -324,10 +308,8 @@ class PersonTurns:
         count = min(room, max(_FEWEST, turn))
         try:
             strokes = tuple(PersonStroke.of(each.stroke) for each in self._begun)
-            colors = tuple(each.color for each in self._begun)
-            seen = progress.canvas.last_seen
-            answered = strokes, colors, progress.rest, progress.painted
-            rest = adapt(take_turn(before, seen, *answered, count, room))
+            colors, seen = tuple(each.color for each in self._begun), progress.canvas.last_seen
+            rest = adapt(take_turn(before, seen, strokes, colors, progress.rest, progress.painted, count, room))
         finally:
             self._answered = progress.person
             if rest is not None:
@@ -391,12 +373,6 @@ class PersonTurns:
         painted = PersonStrokePainted(stroke.number, self._progress.painted)
         self._journal.tell(painted)
         self._tell(painted)
-
-    def _tell_canvas(self, color: tuple[float, float, float]) -> None:
-        """Reports a picture of the canvas for people and for the film."""
-        frame = self._observer.photograph(self._hand.last_motion)
-        seen = self._observer.film(frame.image, TIMELAPSE_ROWS)
-        self._tell(TimelapseFrame(seen, self._progress.painted, max(1, self._progress.strokes), color))
 
 
 def _outline(canvas: Tensor, painted: NDArray[np.bool_]) -> Tensor:

@@ -13,7 +13,7 @@ import torch
 from PIL import Image
 
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
-from frida_painter_words.picture_makers import program
+from frida_painter_words.picture_makers import command as program
 from frida_painter_words.picture_makers.command import COMMAND, CommandMaker
 from frida_painter_words.picture_makers.making import PictureRequest
 

@@ -308,10 +308,7 @@ def test_a_stop_a_failure_and_the_end_of_its_time_end_a_pipeline(tmp_path: Path,
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (
-            "",
-            "was given no pipeline; fetch one with `frida-painter models fetch imagine`, or write for example",
-        ),
+        ("", "was given no pipeline; fetch one with `frida-painter models fetch imagine`, or write for example"),
         ("no such folder", "'no such folder' is neither a folder that is here nor a name on the hub"),
         ("/no/such/folder", "is neither a folder"),
         ("holidays", "is neither a folder"),

@@ -8,10 +8,10 @@ from typing import Any
 from PIL import Image
 from playwright.sync_api import Page
 
-from browsing import OpenStudio
 from frida_painter.event_log import FEED, EventLog
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import WorkerLock
+from served import Served
 
 PICTURES = {"a" * 32: (200, 90, 40), "b" * 32: (40, 90, 200)}
 REQUEST = {
@@ -66,7 +66,7 @@ class Told:
 
     def __init__(
         self,
-        studio: OpenStudio,
+        studio: Served,
         *lines: dict[str, Any],
         title: str = "Cup",
         pictures: dict[str, Image.Image] | None = None,

@@ -1,16 +1,21 @@
 import itertools
+import math
+import os
 import re
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from starlette.websockets import WebSocketDisconnect
 
 import frida_painter_studio as web
+from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter_studio import security
 from frida_painter_studio.commands import Role
-from frida_painter_studio.security import Keys
+from frida_painter_studio.security import Keys, Lead, Led, Presence
 from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import WorkerSlot
 from support.studio import HOST, ORIGIN, Studio, order
 
@@ -139,55 +144,54 @@ def test_those_who_watch_take_no_session_from_those_who_paint() -> None:
     operator, planner = keys.admit(keys.tokens[Role.operate]), keys.admit(keys.tokens[Role.plan])
     first = keys.admit(keys.tokens[Role.watch])
     assert operator is not None and planner is not None and first is not None
+    second = keys.admit(keys.tokens[Role.watch])
+    assert second is not None
     for _ in range(250):
         assert keys.session(first.id) is first, "whoever is here is used, and stays"
         assert keys.admit(keys.tokens[Role.watch]) is not None
-    assert len(keys.sessions) == 202
+    assert keys.session(second.id) is None, "there are only so many sessions of a role"
     assert keys.session(operator.id) is operator and keys.session(planner.id) is planner
 
 
-def test_a_cookie_that_another_port_was_sent_opens_nothing(studio: Studio) -> None:
+BEARER, EVIL = "Bearer {operate}", "http://evil.example"
+OTHERS = (EVIL, "null", "", "https://127.0.0.1:8350", "http://127.0.0.1:8351", "http://localhost:8350", f"{ORIGIN}/")
+HOSTS = ("evil.example:8350", "127.0.0.1", "127.0.0.1:80", "127.0.0.1:8350.evil.example", "")
+SITES = (("cross-site", 403), ("same-site", 403), ("same-origin", 200))
+REQUESTS: list[tuple[str, str, str, dict[str, str], int]] = [
+    # who asks: the browser's page, its cookie alone, or a program with a token; then how, what, with which headers
+    *(("cookie", "GET", path, {}, 403) for path in ("studio", "paintings/{known}", "events?of=calibration")),
+    *(("cookie", "POST", path, {"Origin": ORIGIN}, 403) for path in ("stop", "lead", "pictures")),
+    ("cookie", "POST", "stop", {}, 403),
+    ("page", "POST", "stop", {}, 200),
+    ("page", "POST", "stop", {"X-Page-Key": "{other}"}, 403),
+    *(("page", "POST", "stop", {"Origin": origin}, 403) for origin in OTHERS),
+    *(("page", "GET", "studio", {"Host": host}, 403) for host in HOSTS),
+    *(("page", "POST", "stop", {"Host": host, "Origin": f"http://{host}"}, 403) for host in HOSTS),
+    *(("page", "GET", "paintings", {"Sec-Fetch-Site": site}, status) for site, status in SITES),
+    ("page", "GET", "studio", {"X-More": "x" * 100_000}, 431),
+    ("program", "POST", "stop", {"Authorization": BEARER}, 200),
+    ("program", "POST", "stop", {"Authorization": BEARER, "Origin": EVIL}, 403),
+]  # fmt: skip
+
+
+def test_a_request_is_done_only_for_a_page_of_this_very_address_or_a_program_with_a_token(studio: Studio) -> None:
     """A browser sends its cookies to every port of a host; only the page's own address and port has the key."""
-    visitor = studio.visitor()
-    entry = studio.store.begin("A painting")
-    for path in ("/api/studio", "/api/paintings", f"/api/paintings/{entry.id}", "/api/events?of=calibration"):
-        assert visitor.client.get(path).status_code == 403
-    for path in ("/api/stop", "/api/lead", "/api/pictures"):
-        assert visitor.client.post(path, headers={"Origin": ORIGIN, **order()}).status_code == 403
+    visitor, known = studio.visitor(), studio.store.begin("A painting").id
+    words = {"operate": studio.keys.tokens[Role.operate], "other": studio.visitor().key, "known": known}
+    ways = {
+        ("page", "GET"): visitor.get, ("page", "POST"): visitor.post,
+        ("cookie", "GET"): visitor.client.get, ("cookie", "POST"): visitor.client.post,
+        ("program", "POST"): studio.client().post,
+    }  # fmt: skip
+    for who, method, path, headers, status in REQUESTS:
+        given = {name: value.format(**words) for name, value in headers.items()}
+        answer = ways[who, method](f"/api/{path.format(**words)}", headers={**order(), **given})
+        assert answer.status_code == status, (who, method, path, headers)
+    for host in HOSTS:
+        query = {"token": studio.keys.tokens[Role.operate]}
+        assert studio.client().get("/", params=query, headers={"Host": host}).status_code == 403
     assert visitor.key not in visitor.client.get("/").text
     assert visitor.client.get("/static/main.js").status_code == 200
-
-
-def test_headers_that_are_too_large_are_refused(studio: Studio) -> None:
-    assert studio.visitor().get("/api/studio", headers={"X-More": "x" * 100_000}).status_code == 431
-
-
-HOSTS = ["evil.example:8350", "127.0.0.1", "127.0.0.1:80", "127.0.0.1:8350.evil.example", ""]
-
-
-def test_other_names_for_this_machine_are_refused(studio: Studio) -> None:
-    visitor = studio.visitor()
-    for host in HOSTS:
-        assert visitor.get("/api/studio", headers={"Host": host}).status_code == 403
-        assert visitor.post("/api/stop", headers={"Host": host, "Origin": f"http://{host}"}).status_code == 403
-        token = studio.keys.tokens[Role.operate]
-        assert studio.client().get("/", params={"token": token}, headers={"Host": host}).status_code == 403
-
-
-def test_what_another_page_sends_is_refused(studio: Studio) -> None:
-    visitor = studio.visitor()
-    others = ["https://127.0.0.1:8350", "http://127.0.0.1:8351", "http://localhost:8350", f"{ORIGIN}/"]
-    for origin in ("http://evil.example", "null", "", *others):
-        assert visitor.post("/api/stop", headers={"Origin": origin}).status_code == 403, origin
-
-
-def test_a_cookie_alone_changes_nothing(studio: Studio) -> None:
-    visitor = studio.visitor()
-    assert visitor.client.post("/api/stop").status_code == 403, "no origin"
-    assert visitor.client.post("/api/stop", headers={"Origin": ORIGIN}).status_code == 403, "no sign"
-    other = studio.visitor()
-    assert visitor.post("/api/stop", headers={"X-Page-Key": other.key}).status_code == 403, "of another browser"
-    assert visitor.post("/api/stop").status_code == 200
 
 
 def test_nothing_that_is_asked_with_get_moves_or_changes_anything(
@@ -206,27 +210,15 @@ def test_nothing_that_is_asked_with_get_moves_or_changes_anything(
     assert not entry.folder.inbox.exists() and not entry.folder.stop.exists()
 
 
-def test_a_program_brings_its_token_and_needs_no_origin(studio: Studio) -> None:
-    headers = {"Authorization": f"Bearer {studio.keys.tokens[Role.operate]}"}
-    assert studio.client().post("/api/stop", headers=headers).status_code == 200
-    assert studio.client().post("/api/stop", headers={**headers, "Origin": "http://evil.example"}).status_code == 403
-
-
-def test_pictures_cannot_be_shown_on_other_pages(studio: Studio) -> None:
-    visitor = studio.visitor()
-    for site, status in (("cross-site", 403), ("same-site", 403), ("same-origin", 200)):
-        assert visitor.get("/api/paintings", headers={"Sec-Fetch-Site": site}).status_code == status
-
-
 def test_who_may_only_watch_may_stop_but_neither_plan_nor_start(studio: Studio) -> None:
     entry = studio.store.begin("A painting")
     watching, planning = studio.visitor(Role.watch), studio.visitor(Role.plan)
     assert watching.post("/api/stop").status_code == 200
     assert watching.post("/api/pictures", content=b"x").status_code == 403
     assert watching.post("/api/paintings", json={"terms": []}).status_code == 403
-    for visitor in (watching, planning):
+    for visitor, says in ((watching, "you may watch here"), (planning, "you may plan here, and not move the robot")):
         start = visitor.post(f"/api/paintings/{entry.id}/start", json={"plan": 1, "ready": True})
-        assert start.status_code == 403 and "another link" in start.json()["sentence"]
+        assert start.status_code == 403 and says in start.json()["sentence"]
         assert visitor.post(f"/api/paintings/{entry.id}/delete").status_code == 403
     assert planning.post("/api/pictures", content=b"x").status_code == 422
 
@@ -246,3 +238,108 @@ def test_there_are_no_websockets(studio: Studio) -> None:
     with pytest.raises(WebSocketDisconnect) as caught, visitor.client.websocket_connect(f"ws://{HOST}/"):
         pass
     assert caught.value.code == 1008
+
+
+# Presence of a person beside the machine.
+
+
+@pytest.mark.parametrize("robot", ["xarm:10.0.0.1", "axidraw"])
+def test_a_real_robot_moves_only_after_a_press_and_each_press_is_good_for_one_thing_and_a_minute(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, robot: str
+) -> None:
+    presence, easel = Presence(possible=True), WebAppEasel(tmp_path / "record.json", robot)
+    presence.allow(WebAppEasel(tmp_path / "record.json"))  # a simulated robot needs nobody
+    with pytest.raises(RobotStopped, match="press Enter"):
+        presence.allow(easel)
+    presence.press()
+    presence.allow(easel)
+    with pytest.raises(RobotStopped):
+        presence.allow(easel)
+    presence.press()
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + security.GOOD_FOR + 1)
+    presence.possible = False
+    with pytest.raises(RobotStopped, match="in a terminal"):
+        presence.allow(easel)
+
+
+def test_presses_are_heard_from_the_terminal(capsys: pytest.CaptureFixture[str]) -> None:
+    presence = Presence()
+    read, write = os.pipe()
+    presence.listen(read)
+    os.write(write, b"\n")
+    deadline = time.monotonic() + 10
+    assert presence.possible
+    while time.monotonic() < deadline:
+        with suppress(RobotStopped):
+            presence.require()
+            break
+        time.sleep(0.01)
+    with pytest.raises(RobotStopped, match="press Enter"):
+        presence.require()
+    os.close(write)
+    while presence.possible and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not presence.possible
+    os.close(read)
+
+
+# Lead of one browser at a time.
+
+NONCE = "0123456789abcdef"
+
+
+def test_one_browser_leads_until_another_takes_over() -> None:
+    lead = Lead()
+    lead.require("one", NONCE + "1", time.time())
+    lead.require("one", NONCE + "2", time.time())
+    with pytest.raises(Led, match="Another browser leads"):
+        lead.require("two", NONCE + "3", time.time())
+    lead.take_over("two", NONCE + "5", time.time())
+    with pytest.raises(Interrupted, match="already"):
+        lead.take_over("one", NONCE + "5", time.time())
+    lead.require("two", NONCE + "3", time.time())
+    with pytest.raises(Led):
+        lead.require("one", NONCE + "4", time.time())
+
+
+def test_whoever_asks_for_nothing_any_more_leads_no_longer(monkeypatch: pytest.MonkeyPatch) -> None:
+    lead = Lead()
+    lead.require("one", NONCE + "1", time.time())
+    now = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now + security.KEPT_FOR + 1)
+    lead.require("two", NONCE + "2", time.time())
+
+
+def test_a_page_that_is_left_gives_the_lead_back_and_no_other_page_can() -> None:
+    lead = Lead()
+    lead.require("one", NONCE + "1", time.time(), "first page")
+    assert not lead.give_back("two", "first page") and not lead.give_back("one", "another page")
+    with pytest.raises(Led):
+        lead.require("two", NONCE + "2", time.time(), "page of two")
+    assert lead.give_back("one", "first page") and not lead.give_back("one", "first page")
+    lead.require("one", NONCE + "3", time.time(), "reloaded")
+    assert not lead.give_back("one", "first page"), "the page before the reload says so late"
+    with pytest.raises(Led):
+        lead.require("two", NONCE + "4", time.time(), "page of two")
+    assert lead.give_back("one", "reloaded")
+    lead.require("two", NONCE + "4", time.time(), "page of two")
+
+
+@pytest.mark.parametrize(
+    ("nonce", "late", "says"),
+    [
+        ("short", 0.0, "reload"), ("x" * 65, 0.0, "reload"), (NONCE, math.nan, "reload"), (NONCE, math.inf, "reload"),
+        (NONCE, 11.0, "too long ago"), (NONCE, -11.0, "too long ago"),
+    ],
+)  # fmt: skip
+def test_orders_that_are_old_or_nameless_are_refused(nonce: str, late: float, says: str) -> None:
+    with pytest.raises(Interrupted, match=says):
+        Lead().require("one", nonce, time.time() - late)
+
+
+def test_each_order_is_done_once() -> None:
+    lead = Lead()
+    lead.require("one", NONCE, time.time())
+    with pytest.raises(Interrupted, match="already"):
+        lead.require("one", NONCE, time.time())

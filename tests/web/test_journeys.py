@@ -20,13 +20,10 @@ from browsing import (
     PATIENCE,
     SCREENSHOTS,
     WITH_CHROMIUM,
-    OpenStudio,
-    chromium,
     complaints,
-    deadline,
     drag,
     kill_worker,
-    opened_studio,
+    require_stop_on_top,
     window,
 )
 from frida_painter import images
@@ -37,6 +34,7 @@ from frida_painter_studio.commands import PAUSE, ROBOT_MOVES, Inbox, Protect, Si
 from frida_painter_studio.studio_folder import PaintingFolder
 from machines.grbl import router
 from machines.simulated_time import Living
+from served import Served, opened_studio
 from support.boat import BOAT
 from support.planning import picture
 from support.told import CHANGED, FINISHED, PAINTED, PAUSED, PERSON, PICTURES, PLANNED, PROTECTED, REQUEST, Told
@@ -55,27 +53,21 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def studio(tmp_path_factory: pytest.TempPathFactory, home: Path) -> Iterator[OpenStudio]:
+def studio(tmp_path_factory: pytest.TempPathFactory, home: Path) -> Iterator[Served]:
     folder = tmp_path_factory.mktemp("studio")
     (folder / "boat.py").write_text(BOAT)
     maker = f"command:{sys.executable} {folder / 'boat.py'} {{seed}} {{canvas}} {{out}} {{words}}"
     with pytest.MonkeyPatch.context() as patch:
         for name in ("DATA", "CONFIG", "STATE"):
             patch.setenv(f"XDG_{name}_HOME", str(home / name))
-        with opened_studio(folder / "paintings", "--imagine", maker) as opened:
+        with opened_studio(folder / "paintings", "--imagine", maker, "--pace", "0.05") as opened:
             for name, color in PICTURES.items():
                 Image.new("RGB", (120, 90), color).save(opened.folder / "pictures" / f"{name}.png")
             yield opened
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with deadline(), chromium() as opened:
-        yield opened
-
-
 @pytest.fixture
-def opens(browser: Browser, studio: OpenStudio) -> Open:
+def opens(browser: Browser, studio: Served) -> Open:
     """Opens a window on the studio, which gives the orders from then on."""
 
     @contextlib.contextmanager
@@ -138,7 +130,7 @@ def in_sight(page: Page, selector: str) -> bool:
     return found["y"] >= header["height"] and found["y"] + found["height"] <= size["height"]
 
 
-def folder_of(studio: OpenStudio, painting: str) -> Path:
+def folder_of(studio: Served, painting: str) -> Path:
     (folder,) = studio.folder.glob(f"*-{painting[:6]}")
     return folder
 
@@ -156,7 +148,7 @@ def with_more(page: Page, change: Callable[[dict[str, Any]], object]) -> None:
     page.reload()
 
 
-def test_a_photograph_becomes_a_painting_in_the_gallery(opens: Open, studio: OpenStudio, tmp_path: Path) -> None:
+def test_a_photograph_becomes_a_painting_in_the_gallery(opens: Open, studio: Served, tmp_path: Path) -> None:
     photograph = tmp_path / "disc_and_bar.png"
     images.save(picture(90, 120), photograph)
     with opens() as page:
@@ -323,7 +315,7 @@ PAINT = """async (id) => {
 
 
 def test_a_person_paints_asks_for_a_boat_and_what_they_painted_outlives_a_killed_painter(
-    opens: Open, studio: OpenStudio
+    opens: Open, studio: Served
 ) -> None:
     with opens() as page:
         painting = page.evaluate(BEGIN)
@@ -375,7 +367,7 @@ def test_a_person_paints_asks_for_a_boat_and_what_they_painted_outlives_a_killed
     assert json.loads((folder / "painting/changes/2/goal/1/making.json").read_text())["because"] == "a person chose it"
 
 
-def test_without_a_goal_the_person_begins_and_the_robot_continues(opens: Open, studio: OpenStudio) -> None:
+def test_without_a_goal_the_person_begins_and_the_robot_continues(opens: Open, studio: Served) -> None:
     with opens() as page:
         page.get_by_role("link", name="New painting").click()
         press(page, "+ No goal")
@@ -406,7 +398,7 @@ def test_without_a_goal_the_person_begins_and_the_robot_continues(opens: Open, s
         keep(page, "together-finished")
 
 
-def test_a_stroke_is_taught_by_ten_marks_and_can_be_chosen(opens: Open, studio: OpenStudio) -> None:
+def test_a_stroke_is_taught_by_ten_marks_and_can_be_chosen(opens: Open, studio: Served) -> None:
     with opens() as page:
         go(page, "#/teach")
         for number in range(10):
@@ -436,7 +428,7 @@ def test_a_stroke_is_taught_by_ten_marks_and_can_be_chosen(opens: Open, studio: 
 
 
 def test_a_machine_is_set_up_on_a_phone_left_and_continued_at_a_desk_by_keyboard(
-    opens: Open, studio: OpenStudio, home: Path
+    opens: Open, studio: Served, home: Path
 ) -> None:
     machine, faults = router(), list[str]()
     with Living(machine, pace=20) as living:
@@ -542,7 +534,7 @@ def tab_to(page: Page, name: str) -> None:
     raise AssertionError(f"the Tab key does not come to {name}; it is at {focused(page)!r}")
 
 
-def test_a_painting_is_shown_from_its_plan_to_its_card(opens: Open, studio: OpenStudio) -> None:
+def test_a_painting_is_shown_from_its_plan_to_its_card(opens: Open, studio: Served) -> None:
     requested, made = PLANNED
     with opens(1440, 900) as desk:
         Told(studio, requested, {**made, "remarks": ["Not shown: 'a kite'."]}).show(desk)
@@ -595,7 +587,7 @@ def test_a_painting_is_shown_from_its_plan_to_its_card(opens: Open, studio: Open
         expect(desk.locator(".card")).to_be_visible()
 
 
-def test_in_a_pause_parts_are_protected_and_turns_agreed_on(opens: Open, studio: OpenStudio) -> None:
+def test_in_a_pause_parts_are_protected_and_turns_agreed_on(opens: Open, studio: Served) -> None:
     painting = Told(studio, *PLANNED, *PAINTED, *PERSON, PAUSED)
     with painting.at_work(), opens(1440, 900) as page:
         painting.show(page)
@@ -698,7 +690,7 @@ PASTE = """async (text) => {
 }"""
 
 
-def test_a_goal_is_pasted_drawn_made_from_words_or_taken_from_an_example(opens: Open, studio: OpenStudio) -> None:
+def test_a_goal_is_pasted_drawn_made_from_words_or_taken_from_an_example(opens: Open, studio: Served) -> None:
     with opens(1440, 900) as desk:
         go(desk, "#/new")
         expect(desk.get_by_role("heading", name="Set the goal")).to_be_focused()
@@ -782,9 +774,7 @@ AWAY = """() => {
 }"""
 
 
-def test_what_happens_elsewhere_is_seen_queued_told_and_stopped_from_the_gallery(
-    opens: Open, studio: OpenStudio
-) -> None:
+def test_what_happens_elsewhere_is_seen_queued_told_and_stopped_from_the_gallery(opens: Open, studio: Served) -> None:
     waiting, painting = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED)
     with opens(1440, 900) as desk, opens(**PHONE) as phone:
         lead(desk)
@@ -841,9 +831,7 @@ def test_what_happens_elsewhere_is_seen_queued_told_and_stopped_from_the_gallery
 
 
 @pytest.mark.parametrize("role", ["watch", "plan", "operate"])
-def test_a_role_sees_what_it_is_and_no_form_that_it_may_not_use(
-    browser: Browser, studio: OpenStudio, role: str
-) -> None:
+def test_a_role_sees_what_it_is_and_no_form_that_it_may_not_use(browser: Browser, studio: Served, role: str) -> None:
     plan = {"Make another plan", "Plan with these changes", "New painting"}
     hidden = {"watch": plan | {"Use plan 1", "Calibrate"}, "plan": {"Use plan 1", "Calibrate"}, "operate": set[str]()}
     painting, stopped = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED, {"kind": "stopped", "done": 3})
@@ -872,7 +860,7 @@ def test_a_role_sees_what_it_is_and_no_form_that_it_may_not_use(
     context.close()
 
 
-def test_on_a_phone_all_is_in_reach_and_control_is_taken_with_one_button(opens: Open, studio: OpenStudio) -> None:
+def test_on_a_phone_all_is_in_reach_and_control_is_taken_with_one_button(opens: Open, studio: Served) -> None:
     planned, painted = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED)
     with painted.at_work(), opens(**PHONE) as phone, opens(800, 600) as other:
         for place, name in (
@@ -895,7 +883,7 @@ def test_on_a_phone_all_is_in_reach_and_control_is_taken_with_one_button(opens: 
               return lowest <= bar.getBoundingClientRect().top;
             }"""
             assert phone.evaluate(below), f"{name}: the end of the page is free"
-            assert_stop_is_on_top(phone)
+            require_stop_on_top(phone)
         lead(other)
         phone.get_by_role("button", name="Pause after this stroke").tap()
         take = phone.get_by_role("button", name="Take control and continue")
@@ -919,13 +907,3 @@ def test_on_a_phone_all_is_in_reach_and_control_is_taken_with_one_button(opens: 
         other.locator("h1").focus()
         other.keyboard.press("g")
         heading(other, "Set the goal")
-
-
-def assert_stop_is_on_top(page: Page) -> None:
-    """Nothing lies over Stop, at any of its corners."""
-    box = page.locator("#stop").bounding_box()
-    assert box is not None
-    for across in (0.15, 0.5, 0.85):
-        for down in (0.15, 0.5, 0.85):
-            at = [box["x"] + across * box["width"], box["y"] + down * box["height"]]
-            assert page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.id", at) == "stop"

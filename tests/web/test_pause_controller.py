@@ -371,9 +371,7 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
 
 def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: PaintingFolder) -> None:
     kill_when(
-        folder.painting / "journal",
-        lambda record: record["kind"] == "request_taken",
-        lambda: _ask(FINISH)(folder),
+        folder.painting / "journal", lambda record: record["kind"] == "request_taken", lambda: _ask(FINISH)(folder)
     )
     history = Journal.reopen(folder.painting)[1]
     controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), time.time() + 1)

@@ -18,8 +18,8 @@ from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.spec import RunSpec
 from frida_painter_studio import reader, studio_command, studio_folder
 from frida_painter_studio.commands import Role
-from frida_painter_studio.imaginer import imagine
 from frida_painter_studio.picture_choosing import AllowedMakers, label_of, plain_fact
+from frida_painter_studio.side_jobs import imagine
 from frida_painter_studio.stop import StopPressed
 from frida_painter_studio.studio_folder import Feed, PaintingRequest
 from frida_painter_studio.workers import WorkerSlot

@@ -6,6 +6,7 @@ from typing import Any
 
 import torch
 
+from frida_painter.brush.weights import load_stroke_model
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session import events
@@ -20,9 +21,10 @@ from frida_painter_studio.painter import PauseController
 from frida_painter_studio.painting_state import PaintingState, Truth
 from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
-from frida_painter_studio.telling import Reporter
+from frida_painter_studio.telling import Reporter, export
 from support.easel import PatientCamera
 from support.planning import CANVAS, goal, plain, small_table
+from support.plans import in_layers, made_up_plan
 from support.session import SessionSetup
 
 STROKES, PAUSE_AFTER, STOP_AFTER = 6, 2, 4
@@ -146,3 +148,12 @@ def test_a_painter_that_takes_up_a_painting_overwrites_no_picture(tmp_path: Path
         kept = now
     looks = [event for event in FeedReader(folder.feed).read() if isinstance(event, events.LookShown)]
     assert len({look.seen for look in looks}) == 2, "each card has a picture of its own"
+
+
+def test_a_plan_is_written_for_plotters_and_machines(tmp_path: Path) -> None:
+    plan = in_layers(made_up_plan(6, 2), 4, 2)
+    export(plan, {"medium": load_stroke_model("broad")}, tmp_path, drying=45)
+    assert (tmp_path / "strokes.svg").read_text().startswith("<?xml")
+    program = (tmp_path / "strokes.gcode").read_text()
+    assert "M0" in program and "dry for 45 minutes" in program
+    assert (tmp_path / "strokes.csv").stat().st_size > 100

@@ -1,19 +1,36 @@
+"""The studio as it is opened by its command: addresses, links, certificate and end."""
+
 import contextlib
+import datetime
+import ipaddress
+import json
 import os
 import re
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 import webbrowser
 from collections.abc import Iterator
+from contextlib import closing
+from http.client import HTTPSConnection
 from pathlib import Path
+from typing import Any
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
 
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
+from frida_painter_studio import server
+from frida_painter_studio.commands import Role
+from frida_painter_studio.network import Certificate
 from frida_painter_studio.server import hosts, listen
+from served import end_listener, open_studio
 
 
 @pytest.fixture
@@ -121,3 +138,124 @@ def test_names_and_addresses() -> None:
     assert "[::1]:80" in hosts("::1", 80)
     with listen("127.0.0.1", 0) as taken, pytest.raises(ConfigError, match="port 0"):
         listen("127.0.0.1", taken.getsockname()[1])
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
+    """Where the studio would have been served, without a socket."""
+    places: list[tuple[str, int]] = []
+
+    def listen(address: str, port: int) -> socket.socket:
+        places.append((address, port))
+        return socket.socket()
+
+    def serve(store: Any, easel: Any, listening: socket.socket, names: Any, tell: Any, *more: Any) -> None:
+        listening.close()
+        tell(server.Links({role: f"http://here/?token={role.name}" for role in Role}, "http://here/?token=once"))
+
+    monkeypatch.setattr(server, "listen", listen)
+    monkeypatch.setattr(server, "serve", serve)
+    return places
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *words: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["frida-painter", "studio", "--no-browser", *words])
+    with pytest.raises(SystemExit) as end:
+        commands.main()
+    return int(end.value.code or 0)
+
+
+def test_only_this_machine_reaches_it_unless_another_address_is_given(
+    served: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert run(monkeypatch, "--folder", str(tmp_path)) == 0
+    said = capsys.readouterr().out
+    assert served == [("127.0.0.1", 8350)] and "tunnel" not in said and "token=operate" in said
+    assert run(monkeypatch, "--folder", str(tmp_path), "--address", "192.0.2.7", "--port", "0") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert served[1:] == [("192.0.2.7", 0)]
+    assert "whoever has one of these links can use it" in said and "no encryption" in said and "SSH tunnel" in said
+
+
+def test_the_browser_is_given_an_address_that_is_good_once_and_root_is_warned(
+    served: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    for user, warned in ((0, True), (1000, False)):
+        monkeypatch.setattr(os, "geteuid", lambda user=user: user)
+        assert run(monkeypatch, "--folder", str(tmp_path), "--browser") == 0
+        assert ("runs as root" in capsys.readouterr().out) == warned
+    assert opened == ["http://here/?token=once"] * 2
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--address", "0.0.0.0"), "would listen on all networks"),
+        (("--address", "::"), "would listen on all networks"),
+        (("--address", "::ffff:0.0.0.0"), "would listen on all networks"),
+        (("--address", "::ffff:0:0"), "would listen on all networks"),
+        (("--certificate", "nowhere.pem"), "belong together"),
+        (("--certificate", "nowhere.pem", "--key", "nowhere.key"), "is no file"),
+        (("--address", "easel.local"), "an IP address"),
+        (("--robot", "toaster"), "There is no robot 'toaster'"),
+        (("--port", "99999"), "not from 0 to 65535"),
+    ],
+)
+def test_what_cannot_be_served_is_refused(
+    served: list[tuple[str, int]], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path,
+    words: tuple[str, ...], says: str,
+) -> None:  # fmt: skip
+    assert run(monkeypatch, "--folder", str(tmp_path), *words) == 2
+    assert says in " ".join(capsys.readouterr().err.split()) and served == []
+
+
+def make(folder: Path, name: str) -> Certificate:
+    """A certificate that vouches for itself, with its key."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    who = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "the studio")])
+    now = datetime.datetime.now(datetime.UTC)
+    address = x509.SubjectAlternativeName([x509.IPAddress(ipaddress.ip_address("127.0.0.1"))])
+    builder = x509.CertificateBuilder().subject_name(who).issuer_name(who).public_key(key.public_key())
+    builder = builder.serial_number(1).not_valid_before(now - datetime.timedelta(hours=1))
+    signed = builder.not_valid_after(now + datetime.timedelta(days=1)).add_extension(address, False)
+    made = signed.sign(key, hashes.SHA256())
+    found = Certificate(folder / f"{name}.pem", folder / f"{name}.key")
+    found.certificate.write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    kind = serialization.PrivateFormat.PKCS8
+    found.key.write_bytes(key.private_bytes(serialization.Encoding.PEM, kind, serialization.NoEncryption()))
+    return found
+
+
+def test_both_ports_are_encrypted_with_it(tmp_path: Path) -> None:
+    made = make(tmp_path, "studio")
+    words = ("--certificate", str(made.certificate), "--key", str(made.key))
+    served = open_studio(tmp_path / "paintings", *words)
+    trust = ssl.create_default_context(cafile=str(made.certificate))
+    try:
+        bearer = {"Authorization": f"Bearer {served.tokens['operate']}"}
+        with closing(HTTPSConnection(served.host, served.port, timeout=30, context=trust)) as page:
+            page.request("GET", "/api/studio", headers=bearer)
+            answer = page.getresponse()
+            way = json.loads(answer.read())["stop"]
+            allowed = answer.headers["content-security-policy"]
+        assert f"connect-src 'self' https://{served.host}:{way['port']} " in allowed
+        with closing(HTTPSConnection(served.host, way["port"], timeout=30, context=trust)) as stop:
+            stop.request("POST", "/stop", way["secret"], {"Origin": f"https://{served.host}:{served.port}"})
+            assert json.loads(stop.getresponse().read()) == {"stopped": 0, "heard": 0}
+        with closing(HTTPSConnection(served.host, served.port, timeout=30, context=trust)) as page:
+            page.request("GET", f"/?token={served.tokens['watch']}")
+            assert "secure" in page.getresponse().headers["set-cookie"].lower()
+    finally:
+        served.kill()
+        end_listener(served.folder)
+
+
+def test_files_that_do_not_fit_are_refused(tmp_path: Path) -> None:
+    first, second = make(tmp_path, "first"), make(tmp_path, "second")
+    assert Certificate.from_files(None, None) is None
+    assert Certificate.from_files(first.certificate, first.key) is not None
+    for certificate, key in ((first.certificate, second.key), (first.key, first.certificate)):
+        with pytest.raises(ConfigError, match="its own key"):
+            Certificate.from_files(certificate, key)

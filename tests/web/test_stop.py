@@ -21,7 +21,7 @@ from frida_painter_studio.commands import Role
 from frida_painter_studio.stop import StopKey, StopWatch
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder
-from served import PATIENCE, Served, Work, end_listener, open_studio
+from served import PATIENCE, Served, Work, end_listener, open_studio, opened_studio
 
 
 @pytest.fixture
@@ -32,12 +32,9 @@ def studio(tmp_path: Path) -> Iterator[Served]:
 
 @contextlib.contextmanager
 def opened(folder: Path, files: int | None = None) -> Iterator[Served]:
-    served = open_studio(folder, files=files)
-    try:
+    with opened_studio(folder, files=files) as served:
         yield served
-    finally:
-        served.kill()
-        end_listener(folder)
+    end_listener(folder)
 
 
 @contextlib.contextmanager

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from browsing import SCREENSHOTS, WITH_CHROMIUM, chromium, deadline
+from browsing import SCREENSHOTS, WITH_CHROMIUM, require_stop_on_top
 from frida_painter.session.events import Failed, PlanRequested
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import Feed, PaintingRequest
@@ -21,12 +21,6 @@ from served import Served, Work, end_listener, open_studio
 
 pytestmark = WITH_CHROMIUM
 WAIT = 60_000  # ms
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with deadline(), chromium() as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")
@@ -125,23 +119,13 @@ def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds_and_stop
     page.screenshot(path=SCREENSHOTS / "stop-did-not-arrive.png")
     for view in ("#/", "#/new", "#/calibrate"):
         page.evaluate("view => { location.hash = view; }", view)
-        assert_stop_is_on_top(page)
+        require_stop_on_top(page)
     page.unroute("**/stop")
     page.clock.resume()
     assert work.told.wait(WAIT / 1000), "it is sent again"
     expect(page.locator(".stop-alarm")).to_contain_text("The stop arrived after", timeout=WAIT)
     page.get_by_role("button", name="I have looked at the robot", exact=True).last.click()
     expect(page.locator(".stop-alarm")).to_be_hidden()
-
-
-def assert_stop_is_on_top(page: Page) -> None:
-    """Nothing lies over Stop, at any of its corners."""
-    box = page.locator("#stop").bounding_box()
-    assert box is not None
-    for across in (0.15, 0.5, 0.85):
-        for down in (0.15, 0.5, 0.85):
-            place = [box["x"] + across * box["width"], box["y"] + down * box["height"]]
-            assert page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.id", place) == "stop"
 
 
 @pytest.mark.parametrize("dangerous", [False, True])
@@ -178,7 +162,7 @@ def test_an_alarm_ends_by_itself_when_the_studio_is_back_and_nothing_can_move(
     stop(page)
     alarm = page.locator(".stop-alarm")
     expect(alarm).to_contain_text("has not arrived yet", timeout=WAIT)
-    assert_stop_is_on_top(page)
+    require_stop_on_top(page)
     page.evaluate("location.hash = '#/new'")
     expect(alarm).to_be_visible()
     context.set_offline(False)
@@ -260,7 +244,7 @@ def test_after_a_restart_an_old_page_stops_and_a_reload_says_how_to_come_in_agai
     studio.kill()
     reloaded.reload()  # nobody answers; the page's service worker has kept a page for that
     expect(reloaded.get_by_role("heading", name="The studio does not answer")).to_be_visible(timeout=WAIT)
-    assert_stop_is_on_top(reloaded)
+    require_stop_on_top(reloaded)
     again = open_studio(studio.folder, port=studio.port)
     try:
         expect(page.get_by_text("open the link that its terminal shows")).to_be_visible(timeout=WAIT)

@@ -59,7 +59,8 @@ class Guard:
             return file.startswith("<") and not file.startswith("<frozen")
         if event == "compile":
             return str(what[1]).startswith("<")
-        if event == "subprocess.Popen" and what[1] == python_process.command("-m", "frida_painter_studio.decoder"):
+        decoding = python_process.command("-m", "frida_painter_studio.reader", "picture")
+        if event == "subprocess.Popen" and what[1] == decoding:
             return False  # every picture is decoded in a process of its own
         if event == "socket.connect" and isinstance(what[1], str):
             return not what[1].endswith("/the-store/.stop")  # the listener for stops

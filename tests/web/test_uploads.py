@@ -56,7 +56,7 @@ def test_a_decoder_has_so_much_memory_and_time(tmp_path: Path, monkeypatch: pyte
         monkeypatch.setattr(uploads, "MAX_SECONDS", 0.01)
         uploads.keep(picture(), tmp_path)
     monkeypatch.undo()
-    limits = "from frida_painter_studio import decoder; decoder.limit(); bytearray(3 * 2**30)"
+    limits = "from frida_painter_studio import reader; reader.limit(); bytearray(3 * 2**30)"
     done = subprocess.run([sys.executable, "-c", limits], capture_output=True, text=True)
     assert done.returncode == 1 and "MemoryError" in done.stderr
     assert not list(tmp_path.iterdir())

@@ -18,9 +18,10 @@ import torch
 from PIL import Image, ImageDraw
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
-from browsing import WITH_CHROMIUM, OpenStudio, chromium, complaints, deadline, opened_studio
+from browsing import WITH_CHROMIUM, complaints, require_stop_on_top
 from frida_painter.report.painters import Painters
 from frida_painter_studio.painting_state import Stage
+from served import Served, opened_studio
 from support.told import FINISHED, PAINTED, PAUSED, PERSON, PICTURES, PLANNED, PROTECTED, REQUEST, Told
 
 pytestmark = [WITH_CHROMIUM, pytest.mark.timeout(560)]
@@ -103,8 +104,8 @@ def test_every_stage_has_its_state() -> None:
 
 
 @pytest.fixture(scope="module")
-def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenStudio]:
-    with opened_studio(tmp_path_factory.mktemp("studio") / "paintings") as opened:
+def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with opened_studio(tmp_path_factory.mktemp("studio") / "paintings", "--pace", "0.05") as opened:
         goal, *_ = coffee()
         for name in PICTURES:
             goal.save(opened.folder / "pictures" / f"{name}.png")
@@ -112,7 +113,7 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OpenStudio]:
 
 
 @pytest.fixture(scope="module")
-def paintings(studio: OpenStudio) -> Iterator[dict[str, Told]]:
+def paintings(studio: Served) -> Iterator[dict[str, Told]]:
     """A painting in every stage."""
     _, plan, canvas = coffee()
     with ExitStack() as stack:
@@ -132,12 +133,6 @@ def paintings(studio: OpenStudio) -> Iterator[dict[str, Told]]:
         yield told
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with deadline(), chromium() as opened:
-        yield opened
-
-
 def keep_painters(folder: Path, canvas: Image.Image) -> None:
     """Writes who painted what: the robot the upper half of a canvas, the person most of the lower one."""
     rows, columns = canvas.height, canvas.width
@@ -155,7 +150,7 @@ def coffee() -> list[Image.Image]:
     return [crop.resize((480, 360)) for crop in crops]
 
 
-def open_as(browser: Browser, studio: OpenStudio, role: str, device: str) -> tuple[BrowserContext, Page]:
+def open_as(browser: Browser, studio: Served, role: str, device: str) -> tuple[BrowserContext, Page]:
     context = browser.new_context(**DEVICES[device])
     context.add_init_script("delete window.SharedWorker")  # a browser that is told to be offline leaves it its stream
 
@@ -201,17 +196,14 @@ def require_whole(page: Page, view: View) -> None:
     stop = page.locator("#stop").bounding_box()
     assert stop is not None, view
     assert stop["x"] >= 0 and stop["x"] + stop["width"] <= page.evaluate("innerWidth"), (view, stop)
-    middle = [stop["x"] + stop["width"] / 2, stop["y"] + stop["height"] / 2]
-    assert page.evaluate("([x, y]) => document.elementFromPoint(x, y)?.id", middle) == "stop", view
+    require_stop_on_top(page)
     assert page.locator("h1:visible").count() == 1, view
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), view
     text = page.locator("body").inner_text()
     assert not [word for word in ("undefined", "NaN", "null", "[object") if word in text], (view, text)
 
 
-def draw(
-    browser: Browser, studio: OpenStudio, paintings: dict[str, Told], views: list[View], folder: Path
-) -> list[str]:
+def draw(browser: Browser, studio: Served, paintings: dict[str, Told], views: list[View], folder: Path) -> list[str]:
     """Draws the views, and returns what axe finds in them."""
     found: list[str] = []
     folder.mkdir(parents=True, exist_ok=True)
@@ -236,7 +228,7 @@ def draw(
 
 @NIGHTLY
 def test_every_state_of_the_page_is_whole(
-    browser: Browser, studio: OpenStudio, paintings: dict[str, Told], tmp_path: Path
+    browser: Browser, studio: Served, paintings: dict[str, Told], tmp_path: Path
 ) -> None:
     views = all_views()
     found = draw(browser, studio, paintings, views, tmp_path)

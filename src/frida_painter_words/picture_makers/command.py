@@ -1,17 +1,128 @@
-"""Picture maker `command`: a program of the person's own, which prints a picture file or writes one."""
+"""Picture maker `command`: a program of the person's own, which prints a picture file or writes one.
 
+Programs run without a shell, with limits on time and size, and are ended with all that they started.
+"""
+
+import os
 import re
 import shlex
 import shutil
+import signal
+import subprocess
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from frida_painter import storage
-from frida_painter.errors import ConfigError, MakingFailed
+from frida_painter import python_process, storage
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.storage import megabytes
 from frida_painter_words.picture_makers.making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
-from frida_painter_words.picture_makers.program import run_program
+
+_GLANCE = 0.05  # seconds between two looks at a program
+_MAX_SAID = 20 * 2**20  # bytes that a program may say to its standard error
+_SAID = "the words of a program"
+MORE_TIME = "give it more time with --imagine-minutes, or name a quicker one"
+"""Advice if the time is over."""
+_TOLD = 200  # characters of a program's last line in messages
+
+
+def run_program(
+    arguments: Sequence[str],
+    name: str,
+    request: PictureRequest,
+    folder: Path,
+    until: float,
+    *,
+    made: Path | None = None,
+    hear: Callable[[str], None] = lambda line: None,
+    environment: Mapping[str, str] | None = None,
+) -> None:
+    """Runs a program to its end.
+
+    arguments: the program and its arguments; no shell reads them
+    name: name of the maker in messages
+    folder: folder for `printed` and `said`, its standard output and standard error
+    until: time of the monotonic clock at which the program is ended
+    made: another file that the program writes, whose size is limited too
+    hear: receives each whole line of the standard error, while the program runs
+    environment: environment of the program; None: that of this process, as the person gave it
+    Raises MakingFailed if it cannot be started, fails, or takes too long or too much room, and Interrupted after a
+    stop of the request. The program is then ended, with all processes of its group.
+    """
+    began, printed, said = time.monotonic(), folder / "printed", folder / "said"
+    if not began < until:
+        raise MakingFailed(f"{name} was not asked any more, because the time was over; {MORE_TIME}.")
+    limits = {printed: MAX_BYTES, said: _MAX_SAID, **({made: MAX_BYTES} if made else {})}
+    with printed.open("wb") as output, said.open("wb") as complaints:
+        try:
+            process = subprocess.Popen(
+                list(arguments), stdin=subprocess.PIPE, stdout=output, stderr=complaints, start_new_session=True,
+                env=environment or python_process.environment_of_others(),
+            )  # fmt: skip
+        except (OSError, ValueError) as cause:
+            why = getattr(cause, "strerror", None) or str(cause)
+            raise MakingFailed(f"{name} cannot start {arguments[0][:80]!r} ({why}); give one that runs.") from cause
+        heard = 0
+        try:
+            while process.poll() is None:
+                if request.stop_asked():
+                    raise Interrupted("You stopped the making of pictures.")
+                if not time.monotonic() < until:
+                    raise MakingFailed(
+                        f"{name} was not finished after {time.monotonic() - began:.0f} s and was ended; {MORE_TIME}."
+                    )
+                for file, most in limits.items():
+                    if _size(file) > most:
+                        raise MakingFailed(
+                            f"{name} wrote more than {megabytes(most)} and was ended; a picture file is smaller."
+                        )
+                heard = _pass_on(said, heard, hear)
+                time.sleep(_GLANCE)
+        finally:
+            with suppress(OSError):
+                os.killpg(process.pid, signal.SIGKILL)
+            with suppress(OSError):
+                process.stdin.close()  # type: ignore[union-attr]
+            process.wait()
+    _pass_on(said, heard, hear)
+    if (status := process.returncode) != 0:
+        names = {one.value: one.name for one in signal.Signals}
+        how = f"ended with status {status}" if status > 0 else f"was ended by {names.get(-status, f'signal {-status}')}"
+        raise MakingFailed(f"{name} {how} and made no picture{_last_line(said)}; try it by itself, or name another.")
+
+
+def _size(file: Path) -> int:
+    try:
+        return file.stat().st_size
+    except OSError:
+        return 0
+
+
+def _pass_on(said: Path, heard: int, hear: Callable[[str], None]) -> int:
+    """Passes whole new lines on, and returns the number of bytes that were heard so far."""
+    with storage.open_checked(said, _SAID, MAX_BYTES, MakingFailed) as file:
+        file.seek(heard)
+        whole, end, _ = file.read(_MAX_SAID).rpartition(b"\n")
+    for line in whole.decode("utf-8", "replace").splitlines():
+        hear(line)
+    return heard + len(whole) + len(end)
+
+
+def _last_line(said: Path) -> str:
+    """Returns the last line that a program said, as the end of a sentence; "" if it said nothing."""
+    with storage.open_checked(said, _SAID, MAX_BYTES, MakingFailed) as file:
+        file.seek(max(0, _size(said) - 4096))
+        lines = [plain_line(line) for line in file.read().decode("utf-8", "replace").split("\n")]
+    last = next(filter(None, reversed(lines)), "")
+    return f"; it said: {last[:_TOLD].rstrip('.')}" if last else ""
+
+
+def plain_line(text: str) -> str:
+    """Returns a foreign text in one line that can be printed."""
+    return " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
+
 
 _PLACES = ("words", "seed", "width", "height", "out", "canvas", "free")
 _PLACE = re.compile("{(" + "|".join(_PLACES) + ")}")
@@ -71,24 +182,20 @@ class CommandMaker:
         request.tell(f"{Path(self.arguments[0]).name} makes picture {number + 1} of {count}.")
         own = request.folder / str(number + 1)
         own.mkdir()
-        printed, said, out = (own / name for name in ("printed", "said", "picture.png"))
+        out = own / "picture.png"
         filled = {
             "words": request.words, "seed": str(request.seeds[number]), "out": str(out),
             "width": str(request.width), "height": str(request.height),
             "canvas": str(request.canvas or ""), "free": str(request.free or ""),
         }  # fmt: skip
         arguments = [_PLACE.sub(lambda place: filled[place[1]], part) for part in self.arguments]
-        writes = any("{out}" in part for part in self.arguments)
-        run_program(
-            arguments, "The command", printed=printed, said=said, made=out, until=until, stop_asked=request.stop_asked
-        )
-        made = out if writes else printed
-        size = made.stat().st_size if made.is_file() else 0
-        if not size:
-            where = "wrote no file {out}" if writes else "printed nothing"
+        run_program(arguments, "The command", request, own, until, made=out)
+        made = out if "{out}" in " ".join(self.arguments) else own / "printed"
+        if not (size := _size(made) if made.is_file() else 0):
+            where = "wrote no file {out}" if made == out else "printed nothing"
             raise MakingFailed(f"The command ended well and {where}; it writes a picture file, or prints one.")
         if size > MAX_BYTES:
-            raise MakingFailed(f"The command made a file of {storage.megabytes(size)}; a picture file is smaller.")
+            raise MakingFailed(f"The command made a file of {megabytes(size)}; a picture file is smaller.")
         return made
 
 

@@ -17,8 +17,8 @@ from frida_painter.weights.pipeline_folder import (
     find_pipeline,
     read_pipeline_folder,
 )
+from frida_painter_words.picture_makers.command import MORE_TIME, run_program
 from frida_painter_words.picture_makers.making import STRENGTH, PictureMakerKind, PictureRequest
-from frida_painter_words.picture_makers.program import MORE_TIME, run_program
 
 TASK, ANSWER, FAULT = "task.json", "answer.json", "fault"
 """Files in the folder of a task: the task, the answer, and the sentence for the person if there is no answer."""
@@ -64,13 +64,12 @@ class DiffusionMaker:
         """Returns a picture file for each seed, or a reason. Raises MakingFailed, ConfigError and Interrupted."""
         until = time.monotonic() + request.seconds
         pipeline = self.here or self._fetch(request, until)
-        usual = pipeline.steps
-        steps = self.steps or usual
+        steps = self.steps or pipeline.steps
         task = {
             "name": pipeline.name, "folder": str(pipeline.folder), "pipeline": pipeline.pipeline,
             "variant": pipeline.variant, "weights": [str(file) for file in pipeline.weights], "steps": steps,
             "record": str(pipeline.folder / registry.RECORD) if pipeline.folder == _fetched_folder() else None,
-            "few": usual < USUAL_STEPS, "words": request.words, "seeds": list(request.seeds),
+            "few": pipeline.steps < USUAL_STEPS, "words": request.words, "seeds": list(request.seeds),
             "width": request.width, "height": request.height, "device": str(request.device),
             "canvas": str(request.canvas or ""), "free": str(request.free or ""), "strength": STRENGTH,
         }  # fmt: skip
@@ -120,7 +119,7 @@ def run_pipeline(task: Mapping[str, Any], folder: Path, request: PictureRequest,
     try:
         run_program(
             python_process.command("-m", "frida_painter_words.picture_makers.pipeline_process", folder), "The pipeline",
-            printed=folder / "printed", said=folder / "said", made=None, until=until, stop_asked=request.stop_asked,
+            request, folder, until,
             hear=lambda line: request.tell(line.removeprefix(TOLD)) if line.startswith(TOLD) else None,
             environment=python_process.environment(**_OFFLINE),
         )  # fmt: skip

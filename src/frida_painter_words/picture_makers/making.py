@@ -7,11 +7,11 @@ one picture alone, as NAME.making.json beside NAME.png. In the middle of a paint
 """
 
 import math
-import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import count as count_up
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Protocol, runtime_checkable
@@ -39,13 +39,11 @@ MAX_BYTES = 200 * 10**6
 CANVAS, FREE = "canvas.png", "free.png"
 """Files of the canvas that pictures begin from, and of the mask of its free part (white), beside the pictures."""
 STRENGTH = 0.7
-"""How much a diffusion network changes the photograph of the canvas, from 0 to 1; 1 keeps nothing of it."""
+"""Change of the photograph of the canvas by a diffusion network, from 0 to 1; 1 keeps nothing of it."""
 _PIXELS, _STEP = 512 * 512, 64
-_SILENCE = 10.0  # seconds after which a maker that says nothing is said to be at work
 _SECOND = 0.5  # weight of words that a CLIP reads, relative to the picture that was made from them
 _PLAIN = 3 / 255  # a picture whose channels differ less than this over all its pixels shows nothing
 _STRETCH = 1.15  # largest factor between the proportions of the canvas and those of a picture that begins from it
-_GLANCE = 32  # rows at which a picture is compared with the canvas
 
 
 @dataclass(frozen=True)
@@ -111,23 +109,6 @@ def make_each(request: PictureRequest, make: Callable[[int], Path]) -> list[Path
     return made
 
 
-class _Watch:
-    """Progress of a maker: if it says nothing for long, the person hears that it is at work."""
-
-    def __init__(self, name: str, tell: Callable[[str], None], stop_asked: Callable[[], bool]) -> None:
-        self._name, self._tell, self._stop_asked = name, tell, stop_asked
-        self._began = self._told = time.monotonic()
-
-    def tell(self, sentence: str) -> None:
-        self._told = time.monotonic()
-        self._tell(sentence)
-
-    def stop_asked(self) -> bool:
-        if time.monotonic() - self._told >= _SILENCE:
-            self.tell(f"{self._name} is at work, {time.monotonic() - self._began:.0f} s so far.")
-        return self._stop_asked()
-
-
 @dataclass(frozen=True)
 class PictureMakerKind:
     """Picture maker that is chosen by its name.
@@ -189,17 +170,6 @@ class SeenCanvas:
         fitted = functional.interpolate(picture[None], (rows, columns), mode="bicubic", antialias=True)[0].clamp(0, 1)
         return fitted if self.protected is None else self.protected.keep_forbidden(fitted, self.picture, self.size)
 
-    def is_ignored_by(self, picture: Tensor) -> bool:
-        """Returns True if a picture of its size is no nearer to it than to one of its mirror images.
-
-        Of a canvas that looks like its mirror images, nobody can tell.
-        """
-        seen, made = (images.resize_by_area(each, _GLANCE, _GLANCE) for each in (self.picture, picture))
-        turned = [seen.flip(dims) for dims in ((2,), (1,), (1, 2))]
-        told = [each for each in turned if float((each - seen).abs().mean()) > _PLAIN]
-        near = float((made - seen).abs().mean())
-        return any(float((made - each).abs().mean()) <= near for each in told)
-
 
 def open_picture_maker(text: str) -> tuple[str, PictureMaker]:
     """Returns the name and the maker of "NAME" or "NAME:TEXT".
@@ -210,15 +180,23 @@ def open_picture_maker(text: str) -> tuple[str, PictureMaker]:
     known = registry.parts(registry.PICTURE_MAKERS)
     if name not in known:
         raise ConfigError(f"There is no picture maker called {name[:40]!r}; there are {', '.join(known)}.")
-    try:
+    with _blaming(name):
         maker = known[name].load(PictureMakerKind).open(argument)
-    except FridaError:
-        raise
-    except Exception as failure:  # foreign code may raise anything
-        raise PluginError(_failed(name, failure)) from failure
     if not isinstance(maker, PictureMaker):
         raise PluginError(f"The picture maker {name!r} opened a {type(maker).__name__}, which makes none; mend it.")
     return name, maker
+
+
+@contextmanager
+def _blaming(name: str) -> Iterator[None]:
+    """Turns what a maker does not foresee into a PluginError: foreign code may raise anything."""
+    try:
+        yield
+    except FridaError:
+        raise
+    except Exception as failure:
+        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
+        raise PluginError(f"The picture maker {name!r} failed ({why}); mend it, or name another.") from failure
 
 
 @dataclass(frozen=True)
@@ -243,7 +221,7 @@ class Making:
     pictures: those that show something, at least one
     best: index of the picture that is taken if nobody chooses
     rule: phrase that says why
-    faults: sentences about pictures that were not made, show nothing, or show nothing of the canvas
+    faults: sentences about pictures that were not made, or show nothing
     """
 
     words: str
@@ -262,18 +240,17 @@ class Making:
 
     def choose(self, index: int, why: str) -> Path:
         """Writes the record of the making with the chosen picture, and returns its file. Raises StorageError."""
-        record = {
-            "format": MAKING_FORMAT,
-            "version": MAKING_VERSION,
-            "words": self.words, "maker": self.maker, "facts": dict(self.facts),
-            "made": datetime.now(UTC).isoformat(timespec="seconds"),
+        record: dict[str, Any] = {
+            "format": MAKING_FORMAT, "version": MAKING_VERSION, "words": self.words, "maker": self.maker,
+            "facts": dict(self.facts), "made": datetime.now(UTC).isoformat(timespec="seconds"),
             "pictures": [
                 {"file": one.file.name, "seed": one.seed, "sha256": storage.sha256(one.file, "a made picture")}
                 for one in self.pictures
             ],
             "chosen": self.pictures[index].file.name, "because": why,
-            **({"canvas": storage.sha256(canvas, "the canvas")} if (canvas := self.folder / CANVAS).exists() else {}),
         }  # fmt: skip
+        if (canvas := self.folder / CANVAS).exists():
+            record["canvas"] = storage.sha256(canvas, "the canvas")
         storage.write_json(self.folder / MAKING, record)
         return self.pictures[index].file
 
@@ -315,37 +292,30 @@ def make_pictures(
         encoders.clip()
     made = storage.new_folder(folder)
     seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
-    width, height = _size(spec)
-    faults: dict[str, MakingFailed] = {}
-    ignored: list[str] = []
+    faults: list[tuple[str, MakingFailed]] = []
     pictures: list[MadePicture] = []
     try:
         with TemporaryDirectory(dir=folder, prefix=".making-") as place:
-            watch = _Watch(name, tell, stop_asked)
             begins_from = (None, None) if canvas is None else canvas.save(folder)
-            asked = words, seeds, width, height, Path(place), device, 60 * minutes, watch.stop_asked, watch.tell
-            request = PictureRequest(*asked, *begins_from)
-            files = _ask(name, opened, request)
-            for number, (file, made_from) in enumerate(zip(files, seeds, strict=True), 1):
+            request = PictureRequest(
+                words, seeds, *_size(spec), Path(place), device, 60 * minutes, stop_asked, tell, *begins_from
+            )
+            for number, (file, made_from) in enumerate(zip(_ask(name, opened, request), seeds, strict=True), 1):
                 try:
                     picture = _read(file) if canvas is None else canvas.take(_read(file))
                 except ImageError as cause:
                     why = str(cause).replace(str(file), "it", 1).rstrip(".")
-                    faults[f"Picture {number} is left out: {why}."] = MakingFailed(
-                        f"Picture {number} of {name} cannot be painted: {why}; try other words, another --seed or "
-                        "another maker."
-                    )
+                    fault = f"Picture {number} of {name} cannot be painted: {why}; try other words, another --seed or "
+                    faults.append((f"Picture {number} is left out: {why}.", MakingFailed(f"{fault}another maker.")))
                     continue
-                except MakingFailed as fault:
-                    faults[f"Picture {number} is left out: {fault}"] = fault
+                except MakingFailed as cause:
+                    faults.append((f"Picture {number} is left out: {cause}", cause))
                     continue
                 target = folder / f"{name_of(words)}-{number}.png"
                 images.save(picture, target)
                 pictures.append(MadePicture(target, made_from, picture))
-                if canvas is not None and canvas.is_ignored_by(picture):
-                    ignored.append(f"Picture {number} shows nothing of the canvas.")
         if not pictures:
-            raise next(iter(faults.values()))
+            raise faults[0][1]
     except BaseException:
         with suppress(OSError):
             for left in (CANVAS, FREE):
@@ -353,31 +323,22 @@ def make_pictures(
             if made:
                 folder.rmdir()  # it is empty
         raise
-    for sentence in (*faults, *ignored):
+    left_out = tuple(sentence for sentence, _ in faults)
+    for sentence in left_out:
         tell(sentence)
     best, rule = _rank(words, [one.picture for one in pictures], encoders, request)
-    return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, (*faults, *ignored))
+    return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, left_out)
 
 
 def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path | MakingFailed]:
     """Returns the files that a maker makes. Raises MakingFailed, Interrupted, and PluginError for any other failure."""
-    try:
+    with _blaming(name):
         files = [file if isinstance(file, MakingFailed) else Path(file) for file in maker.make(request)]
-    except FridaError:
-        raise
-    except Exception as failure:  # foreign code may raise anything
-        raise PluginError(_failed(name, failure)) from failure
     wanted = len(request.seeds)
     if len(files) != wanted:
         made = "no picture" if not files else count_of(len(files), "picture")
         raise MakingFailed(f"{name} made {made}, and was asked for {wanted}; it makes one for each seed.")
     return files
-
-
-def _failed(name: str, failure: Exception) -> str:
-    """Returns the sentence about a maker that failed in a way that it does not foresee."""
-    why = " ".join(f"{type(failure).__name__}: {failure}".split())[:200]
-    return f"The picture maker {name!r} failed ({why}); mend it, or name another."
 
 
 def _size(spec: RunSpec) -> tuple[int, int]:
@@ -432,16 +393,15 @@ def imagine(spec: RunSpec, make: Callable[[str, int], Path], networks: EncoderRe
     if all(item.kind != "text" for item in items):
         raise ConfigError('--imagine makes a picture from words, and there are none; give them with --text "...".')
     kind = "semantic" if table == "goal" and networks.sees_meaning else "image"
-    stays = table == "goal" and networks.reads_by_clip
     made: list[GoalItem] = []
-    number = 0
+    numbers = count_up(1)
     for item in items:
         if item.kind != "text":
             made.append(item)
             continue
-        number += 1
-        made.append(GoalItem(kind=kind, value=str(make(item.value, number)), weight=item.weight))
-        if stays and any(mark.isascii() and mark.isalpha() for mark in item.value):  # a CLIP reads no other alphabet
+        made.append(GoalItem(kind=kind, value=str(make(item.value, next(numbers))), weight=item.weight))
+        readable = any(mark.isascii() and mark.isalpha() for mark in item.value)  # a CLIP reads no other alphabet
+        if readable and table == "goal" and networks.reads_by_clip:
             made.append(item.model_copy(update={"weight": _SECOND * item.weight}))
     changes: dict[str, Any] = {table: tuple(made), "title": spec.title or spec.heading[:80]}
     return spec.with_values(**changes)

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,14 @@ def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     name, device = task["name"], torch.device(task["device"])
     tell(f"Reading {name}.")
     hashes = [storage.sha256(Path(file), "the weights of a pipeline", MakingFailed) for file in task["weights"]]
-    _require_recorded(task, hashes)
+    if task["record"] is not None:
+        known = storage.read_json(Path(task["record"]), "the record of fetched weights", MakingFailed).get("files", {})
+        for file, sha256 in zip(map(Path, task["weights"]), hashes, strict=True):
+            if known.get(file.relative_to(task["folder"]).as_posix()) != sha256:
+                raise MakingFailed(
+                    f"{name} was altered after it was fetched ({file.parent.name}/{file.name}); "
+                    f"`frida-painter models fetch {IMAGINE}` mends it."
+                )
     pipeline = _load(task, device)
     width, height = _size(pipeline, task["width"], task["height"])
     arguments = inspect.signature(pipeline.__call__).parameters
@@ -72,19 +80,6 @@ def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             pictures.append({"file": f"{number}.png"})
         storage.write_json(folder / ANSWER, answer)
     return answer
-
-
-def _require_recorded(task: Mapping[str, Any], hashes: list[str]) -> None:
-    """Raises MakingFailed if weights are not those that were fetched."""
-    if task["record"] is None:
-        return
-    known = storage.read_json(Path(task["record"]), "the record of fetched weights", MakingFailed).get("files", {})
-    for file, sha256 in zip(task["weights"], hashes, strict=True):
-        if known.get(Path(file).relative_to(task["folder"]).as_posix()) != sha256:
-            raise MakingFailed(
-                f"{task['name']} was altered after it was fetched ({Path(file).parent.name}/{Path(file).name}); "
-                f"`frida-painter models fetch {IMAGINE}` mends it."
-            )
 
 
 def _load(task: Mapping[str, Any], device: torch.device) -> Any:
@@ -152,15 +147,7 @@ def _require_whole(name: str) -> None:
     from diffusers import ModelMixin
     from transformers import PreTrainedModel
 
-    kinds: tuple[Any, ...] = (ModelMixin, PreTrainedModel)
-    for kind in kinds:
-        kind.from_pretrained = classmethod(_load_whole(kind.from_pretrained.__func__, name))
-
-
-def _load_whole(load: Callable[..., Any], name: str) -> Callable[..., Any]:
-    """Returns a method that loads a network as `load` does. It raises MakingFailed if tensors are missing."""
-
-    def loading(kind: Any, folder: str, /, **more: Any) -> Any:
+    def load_whole(load: Callable[..., Any], kind: Any, folder: str, /, **more: Any) -> Any:
         network, told = load(kind, folder, output_loading_info=True, **more)
         if missing := len(told["missing_keys"]):
             raise MakingFailed(
@@ -169,7 +156,9 @@ def _load_whole(load: Callable[..., Any], name: str) -> Callable[..., Any]:
             )
         return network
 
-    return loading
+    networks: tuple[Any, ...] = (ModelMixin, PreTrainedModel)
+    for network in networks:
+        network.from_pretrained = classmethod(partial(load_whole, network.from_pretrained.__func__))
 
 
 def _config(pipeline: Any) -> Any:

@@ -10,17 +10,17 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from http.client import HTTPException, HTTPMessage, HTTPResponse
+from http.client import HTTPException, HTTPMessage
 from pathlib import Path
 from queue import Empty, Queue
 from typing import IO, Any
-from urllib.parse import SplitResult, urlsplit, urlunsplit
+from urllib.parse import urlsplit
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
 from frida_painter.transfer import TOO_SLOW, Transfer
+from frida_painter_words.picture_makers.command import MORE_TIME, plain_line
 from frida_painter_words.picture_makers.making import MAX_BYTES, STRENGTH, PictureMakerKind, PictureRequest, make_each
-from frida_painter_words.picture_makers.program import MORE_TIME
 
 _EXAMPLE = "http:http://localhost:7860/picture"
 _GLANCE = 0.05  # seconds between two looks whether the person has stopped
@@ -42,14 +42,12 @@ class ServiceMaker:
     def parse(cls, text: str) -> "ServiceMaker":
         """Returns the maker of an address; "//HOST/..." is one of http. Asks nothing. Raises ConfigError."""
         address = f"http:{text}" if text.startswith("//") else text
-        parts = _split(address)
-        if (
-            parts is None
-            or parts.scheme not in ("http", "https")
-            or not parts.hostname
-            or not address.isascii()
-            or any(mark.isspace() or not mark.isprintable() for mark in address)
-        ):
+        try:
+            parts = urlsplit(address)
+            known = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+        except ValueError:
+            known = False
+        if not known or not address.isascii() or any(mark.isspace() or not mark.isprintable() for mark in address):
             raise ConfigError(f"{text[:80]!r} is no address of a service; write for example {_EXAMPLE}.")
         if parts.username is not None or parts.password is not None:
             raise ConfigError(
@@ -73,34 +71,28 @@ class ServiceMaker:
         request.tell(f"{sent} are sent to {parts.netloc}{plain}.")
         return make_each(request, lambda number: self._ask(request, number, until))
 
-    @property
-    def _address_for_canvas(self) -> str:
-        """Address that makes pictures from a picture: of txt2img, it is img2img."""
-        parts = urlsplit(self.address)
-        return urlunsplit(parts._replace(path=re.sub("txt2img$", "img2img", parts.path)))
-
     def _ask(self, request: PictureRequest, number: int, until: float) -> Path:
         """Asks once, in a thread that is left behind if the person stops, or the time is over."""
-        address = self.address if request.canvas is None else self._address_for_canvas
-        host, count = urlsplit(address).netloc, len(request.seeds)
+        parts, count = urlsplit(self.address), len(request.seeds)
+        if request.canvas is not None:  # of an address that makes pictures from words, the one for pictures
+            parts = parts._replace(path=re.sub("txt2img$", "img2img", parts.path))
+        address, host, seconds = parts.geturl(), parts.netloc, until - time.monotonic()
         request.tell(f"{host} makes picture {number + 1} of {count}.")
-        seconds, told, answers = until - time.monotonic(), Queue[str](), Queue[bytes | MakingFailed]()
         if seconds <= 0:
             raise MakingFailed(f"The service {host} was not asked any more, because the time was over; {MORE_TIME}.")
+        heard = Queue[str | bytes | MakingFailed]()
 
         def ask() -> None:
             try:
-                answers.put(_ask(address, _write_question(request, number), seconds, told.put))
+                heard.put(_ask(address, _write_question(request, number), seconds, heard.put))
             except Exception as fault:  # else nobody would hear of it before the time is over
-                answers.put(fault if isinstance(fault, MakingFailed) else MakingFailed(f"{host}: {fault!r:.160}"))
+                heard.put(fault if isinstance(fault, MakingFailed) else MakingFailed(f"{host}: {fault!r:.160}"))
 
         threading.Thread(target=ask, name=f"question to {host}", daemon=True).start()
-        while True:
-            while not told.empty():
-                request.tell(told.get())
+        answer: str | bytes | MakingFailed = ""
+        while isinstance(answer, str):
             try:
-                answer = answers.get(timeout=_GLANCE)
-                break
+                answer = heard.get(timeout=_GLANCE)
             except Empty:
                 if request.stop_asked():
                     raise Interrupted("You stopped the making of pictures.") from None
@@ -108,6 +100,9 @@ class ServiceMaker:
                     raise MakingFailed(
                         f"The service {host} was not finished after {seconds:.0f} s; {MORE_TIME}."
                     ) from None
+            else:
+                if isinstance(answer, str):
+                    request.tell(answer)
         if isinstance(answer, MakingFailed):
             raise answer
         folder = request.folder / str(number + 1)
@@ -137,13 +132,16 @@ class _SameHost(urllib.request.HTTPRedirectHandler):
 
 def _write_question(request: PictureRequest, number: int) -> dict[str, Any]:
     """Returns what a service is sent; the canvas as the API of the Stable Diffusion web UI has it."""
-    question: dict[str, Any] = {
-        "words": request.words, "prompt": request.words, "seed": request.seeds[number],
-        "width": request.width, "height": request.height,
-    }  # fmt: skip
-    if request.canvas is not None:
-        question |= {"denoising_strength": STRENGTH, "init_images": [_in_base64(request.canvas)]}
-    return question if request.free is None else {**question, "mask": _in_base64(request.free)}
+    sent: dict[str, Any] = {"words": request.words, "prompt": request.words, "seed": request.seeds[number]}
+    sent |= {"width": request.width, "height": request.height}
+    coded = {
+        name: base64.b64encode(storage.read_bytes(file, "the canvas", MAX_BYTES, MakingFailed)).decode()
+        for name, file in (("canvas", request.canvas), ("mask", request.free))
+        if file is not None
+    }
+    if "canvas" in coded:
+        sent |= {"denoising_strength": STRENGTH, "init_images": [coded.pop("canvas")]}
+    return sent | coded
 
 
 def _ask(address: str, question: Mapping[str, Any], seconds: float, tell: Callable[[str], None]) -> bytes:
@@ -164,7 +162,13 @@ def _ask(address: str, question: Mapping[str, Any], seconds: float, tell: Callab
             size = int(length) if length.isdecimal() else None
             if size is not None and size > most:
                 raise _too_much(host, most)
-            content = _read(answer, host, most, Transfer(f"{host} sent", size, tell))
+            transfer, content = Transfer(f"{host} sent", size, tell), bytearray()
+            while chunk := answer.read1(_CHUNK):  # read would wait until all of it is there
+                content += chunk
+                if len(content) > most:
+                    raise _too_much(host, most)
+                if not transfer.hear(len(content)):
+                    raise MakingFailed(f"The service {host} is too slow: {TOO_SLOW}; mend it, or name a quicker one.")
             if size is not None and len(content) < size:
                 raise MakingFailed(
                     f"The service {host} broke off after {len(content)} of {size} bytes; try again, or mend it."
@@ -178,11 +182,7 @@ def _ask(address: str, question: Mapping[str, Any], seconds: float, tell: Callab
         said = getattr(reason, "strerror", None) or str(reason) or type(reason).__name__
         why = " ".join(said.split())[:160]
         raise MakingFailed(f"The service {host} cannot be asked ({why}); start it, or mend the address.") from cause
-    return content if kind.startswith("image/") else _picture_in(content, host)
-
-
-def _in_base64(file: Path) -> str:
-    return base64.b64encode(storage.read_bytes(file, "the canvas", MAX_BYTES, MakingFailed)).decode()
+    return bytes(content) if kind.startswith("image/") else _picture_in(content, host)
 
 
 def _said_in(fault: urllib.error.HTTPError) -> str:
@@ -191,28 +191,15 @@ def _said_in(fault: urllib.error.HTTPError) -> str:
         text = fault.read(_MAX_SAID).decode("utf-8", "replace")
     except (HTTPException, OSError, ValueError):
         return ""
-    plain = " ".join("".join(mark if mark.isprintable() else " " for mark in text).split())
+    plain = plain_line(text)
     return f" ({plain[:160].rstrip('.')})" if plain and not plain.startswith("<") else ""
-
-
-def _read(answer: HTTPResponse, host: str, most: int, transfer: Transfer) -> bytes:
-    """Returns a whole body of at most `most` bytes."""
-    chunks, size = [], 0
-    while chunk := answer.read1(_CHUNK):  # read would wait until all of it is there
-        size += len(chunk)
-        if size > most:
-            raise _too_much(host, most)
-        if not transfer.hear(size):
-            raise MakingFailed(f"The service {host} is too slow: {TOO_SLOW}; mend it, or name a quicker one.")
-        chunks.append(chunk)
-    return b"".join(chunks)
 
 
 def _too_much(host: str, most: int) -> MakingFailed:
     return MakingFailed(f"The service {host} sends more than {storage.megabytes(most)}; a picture file is smaller.")
 
 
-def _picture_in(content: bytes, host: str) -> bytes:
+def _picture_in(content: bytearray, host: str) -> bytes:
     """Returns the picture file in a JSON answer: image, the only one of images, or data[0].b64_json."""
     try:
         body = json.loads(content)
@@ -229,15 +216,6 @@ def _picture_in(content: bytes, host: str) -> bytes:
         raise MakingFailed(
             f"The service {host} returned JSON without a picture; it holds base64 as image, or one in images."
         ) from cause
-
-
-def _split(address: str) -> SplitResult | None:
-    """Returns the parts of an address, None if it has none."""
-    try:
-        parts = urlsplit(address)
-        return parts if parts.port != 0 else None
-    except ValueError:
-        return None
 
 
 HTTP = PictureMakerKind(
