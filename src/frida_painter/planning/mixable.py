@@ -75,10 +75,10 @@ def make_mixable(color: Tensor, weight: Tensor, paints: PaintSet, apart: float) 
     for at, group in enumerate(groups):
         number[group] = at
     changes = []
-    for group, (one, _), changed in zip(groups, found, _changed(color, groups, found), strict=True):
+    for group, (after, _), changed in zip(groups, found, _changed(color, groups, found), strict=True):
         if changed:
-            off = ciede2000(to_lab(color[group]), to_lab(one)[None])
-            changes.append(PaintChange(tuple(color[group]), one, tuple(off.tolist())))
+            off = ciede2000(to_lab(color[group]), to_lab(after)[None])
+            changes.append(PaintChange(tuple(color[group]), after, tuple(off.tolist())))
     return MixablePalette(torch.stack([one for one, _ in found]), number, tuple(changes))
 
 

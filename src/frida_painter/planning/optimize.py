@@ -116,8 +116,8 @@ def take_turns(
     first, *others = problems
     anew, spared = ([replace(first, objective=judge), *others] for judge in (made.anew, made.between))
     renewed = find_renewals(iterations, made, pace)
-    turns = [(anew, True) if number in renewed else (spared, False) for number in range(iterations)]
-    return [*turns, (problems, True)]
+    asked = [(anew, True) if number in renewed else (spared, False) for number in range(iterations)]
+    return [*asked, (problems, True)]
 
 
 def find_renewals(iterations: int, sparing: Sparing, pace: float = 1.0) -> set[int]:

@@ -457,7 +457,8 @@ class Planner:
         # A layer never goes back to a lighter paint, which would pick up dark paint that is still wet.
         parts, mixed = rest.filled_layers(), find_later_mixing(rest, self.settings.new_paints, fresh=fresh)
         lightest = [0 if fresh or number else int(part.paint.min()) for number, part in enumerate(parts)]
-        return [self._layer_of(*each, mixes=mixes) for *each, mixes in zip(parts, lightest, mixed, strict=True)]
+        each = zip(parts, lightest, mixed, strict=True)
+        return [self._layer_of(part, first, mixes=mixes) for part, first, mixes in each]
 
     def _join(
         self,
