@@ -34,7 +34,7 @@ def planner(seed: int = 0, effort: Effort = QUICK, wanted: Goal | None = None) -
 
 
 def planned(count: int = 24, colors: int = 4, seed: int = 0, effort: Effort = QUICK) -> Plan:
-    return planner(seed, effort).plan(BARE, count, colors, lambda step: None)
+    return planner(seed, effort).plan(BARE, count, colors)
 
 
 def test_a_plan_comes_near_its_goal_under_everything_that_it_was_asked_to_keep() -> None:
@@ -71,31 +71,25 @@ def test_no_paint_is_darker_than_the_darkest_one_and_the_forecast_knows() -> Non
     assert torch.equal(again.palette.color, plans[0].palette.color), "paints that are mixed are what they are"
 
 
-def test_what_a_camera_sees_of_a_bare_canvas_makes_the_same_plan() -> None:
-    seen = BARE - 0.01 * torch.rand(BARE.shape, generator=torch.Generator().manual_seed(0))
-    assert planner().plan(seen, 8, 3).digest == planner().plan(None, 8, 3).digest
-    painted = BARE.clone()
+def test_the_same_task_makes_the_same_plan_bit_for_bit_and_asks_no_network_about_pictures() -> None:
+    seen, painted = BARE - 0.01 * torch.rand(BARE.shape, generator=torch.Generator().manual_seed(0)), BARE.clone()
     painted[:, :20] = 0.8
-    assert planner().plan(painted, 8, 3).digest != planner().plan(None, 8, 3).digest
-
-
-def test_the_same_seed_makes_the_same_plan_bit_for_bit() -> None:
-    one, same, other = (planned(12, seed=seed) for seed in (5, 5, 6))
-    assert one.digest == same.digest != other.digest
+    lonely = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=QUICK), encoders=NoEncoderRegistry())
+    alike = planner().plan(None, 8, 3), lonely.plan(None, 8, 3), planner().plan(seen, 8, 3)
+    others = planner().plan(painted, 8, 3), planner(seed=6).plan(None, 8, 3)
+    assert len({plan.digest for plan in alike}) == 1 and len({plan.digest for plan in (alike[0], *others)}) == 3
 
 
 def test_planning_again_keeps_the_palette_and_the_count_and_helps() -> None:
     """Measured with three seeds: the goal comes nearer by 4, 6 and 13 %."""
     by = planner(effort=Effort().scale(0.3))
-    plan = by.plan(BARE, 24, 4, lambda step: None)
+    plan = by.plan(BARE, 24, 4)
     rest = plan.part(slice(12, None))
     # A canvas on which something else happened than was planned: the first strokes lie 6 mm off.
     painted = plan.part(slice(12)).strokes
     moved = painted.with_groups(position=painted.position + 0.006).project(plan.layers[0].limits, CANVAS)
-    canvas = by.expected(
-        Plan.of(moved, plan.palette, plan.paint[:12], canvas=CANVAS, brush="small", limits=plan.layers[0].limits), BARE
-    )
-    again = by.replan(rest, canvas, lambda step: None)
+    canvas = by.expected(replace(plan.part(slice(12)), strokes=moved))
+    again = by.replan(rest, canvas)
     assert len(again) == 12 and torch.equal(again.palette.color, plan.palette.color)
     assert torch.equal(again.strokes.color, plan.palette.color[again.paint])
     assert bool((again.paint.diff() >= 0).all())
@@ -113,14 +107,7 @@ def test_a_plan_is_bound_to_what_was_really_mixed_and_polished() -> None:
     lightness = to_lab(bound.strokes.color)[:, 0]
     assert bool((lightness.diff() <= 1e-3).all()), "light to dark, whatever well a paint stands in"
     assert steps[-1].iteration == steps[-1].of == QUICK.polishing
-    blind = Plan.of(
-        plan.strokes,
-        mixed,
-        mixed.nearest(plan.strokes.color),
-        canvas=CANVAS,
-        brush=plan.layers[0].brush,
-        limits=plan.layers[0].limits,
-    )
+    blind = plan.edit(palette=mixed, color=plan.strokes.color)
     assert by.validation_loss(by.expected(bound, BARE)) < by.validation_loss(by.expected(blind, BARE))
 
 
@@ -138,7 +125,7 @@ def test_where_planning_again_diverges_the_plan_stays(monkeypatch: pytest.Monkey
         return PlanningProblem(torch.ones(3, grid.rows, grid.columns), CANVAS, by.models[name], broken)
 
     monkeypatch.setattr(PlanningProblems, "of", broken_scene)
-    assert by.replan(plan, BARE, lambda step: None) is plan
+    assert by.replan(plan, BARE) is plan
     assert calls > 3
 
 
@@ -146,7 +133,7 @@ def test_a_picture_that_is_not_finite_makes_no_plan() -> None:
     image = torch.ones(3, 60, 80)
     image[:, 20:30] = math.nan
     with pytest.raises((PlanningDiverged, RuntimeError)):
-        planner(wanted=Goal((ImageTerm(image),))).plan(BARE, 8, 3, lambda step: None)
+        planner(wanted=Goal((ImageTerm(image),))).plan(BARE, 8, 3)
 
 
 def test_more_effort_is_more_iterations() -> None:
@@ -157,19 +144,14 @@ def test_more_effort_is_more_iterations() -> None:
     assert planner().fine == PixelGrid.of_height(CANVAS, 64)
 
 
-def test_pictures_alone_are_planned_without_any_network_and_whatever_is_given_they_stay_so() -> None:
-    by = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=0), encoders=NoEncoderRegistry())
-    assert by.plan(BARE, 8, 3, lambda step: None).digest == planned(8, 3).digest
-
-
 def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     effort = Effort().scale(0.1)
     wanted = Goal((ImageTerm(picture(120, 160)), StyleTerm(1 - picture(), 3.0)))
     by = Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=effort, seed=0), encoders=QuickEncoders())
     alone = planned(16, 4, effort=effort)
-    styled = by.plan(BARE, 16, 4, lambda step: None)
+    styled = by.plan(BARE, 16, 4)
     assert by.validation_loss(by.expected(styled, BARE)) < by.validation_loss(by.expected(alone, BARE))
-    again = by.replan(styled.part(slice(8, None)), by.expected(styled.part(slice(8)), BARE), lambda step: None)
+    again = by.replan(styled.part(slice(8, None)), by.expected(styled.part(slice(8)), BARE))
     assert len(again) == 8
 
 
@@ -181,11 +163,11 @@ def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None
         return Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=0), encoders=QuickEncoders())
 
     by = meaning(picture(120, 160))
-    plan = by.plan(BARE, 12, 3, lambda step: None)
-    assert plan.digest == meaning(picture(120, 160)).plan(BARE, 12, 3, lambda step: None).digest
+    plan = by.plan(BARE, 12, 3)
+    assert plan.digest == meaning(picture(120, 160)).plan(BARE, 12, 3).digest
     assert by.validation_loss(by.expected(plan, BARE)) < 0.6 * by.validation_loss(BARE)
     rest, half = plan.part(slice(6, None)), by.expected(plan.part(slice(6)), BARE)
-    again = by.replan(rest, half, lambda step: None)
+    again = by.replan(rest, half)
     assert by.validation_loss(by.expected(again, half)) <= by.validation_loss(by.expected(rest, half))
 
 
@@ -215,12 +197,12 @@ def test_without_memory_enough_it_is_planned_again_with_less_and_else_the_plan_s
         monkeypatch.setattr("frida_painter.planning.planner.optimize_together", optimizing)
 
     starving(by.coarse.rows)
-    again = by.replan(plan, photograph, lambda step: None)
+    again = by.replan(plan, photograph)
     assert sizes == [by.coarse.rows, by.fine.rows, by.coarse.rows, by.coarse.rows]
     assert again is not plan
     assert by.validation_loss(by.expected(again, photograph)) < by.validation_loss(by.expected(plan, photograph))
     starving(0)
-    assert by.replan(plan, photograph, lambda step: None) is plan
+    assert by.replan(plan, photograph) is plan
 
 
 def test_the_time_of_a_plan_is_measured_before_it_begins_and_changes_nothing(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ def test_a_plan_made_again_keeps_clear_and_a_new_goal_keeps_the_region() -> None
     effort = Effort().scale(0.05)
     planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=1))
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
-    plan = planner.plan(white, 12, 3, lambda step: None)
+    plan = planner.plan(white, 12, 3)
     free, planner = planner, planner.keeping_clear(Region(LEFT))
     assert free.region is None and planner.region is not None
     assert planner.towards(goal()).region is planner.region
@@ -83,10 +83,10 @@ def test_a_plan_made_again_keeps_clear_and_a_new_goal_keeps_the_region() -> None
     assert painted_inside(planner.region, again.strokes) < 1 / 255
     assert [iteration for iteration, _ in steps] == list(range(1, steps[0][1] + 1))
     assert torch.equal(again.palette.color, plan.palette.color)
-    fresh = planner.plan(white, 12, 3, lambda step: None)
+    fresh = planner.plan(white, 12, 3)
     assert painted_inside(planner.region, fresh.strokes) < 1 / 255
     planner = planner.keeping_clear(Region(SLIVER))
-    assert len(planner.replan(plan, white, lambda step: None)) == 0
+    assert len(planner.replan(plan, white)) == 0
 
 
 def test_a_drawing_becomes_a_region_or_its_opposite() -> None:
