@@ -37,8 +37,8 @@ def install(monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
 
     def installed(**named: Any) -> KnownKinds:
         vars(module).update(named)
-        points = [EntryPoint(name, f"of_somebody:{name}", OBJECTIVES) for name in (*named, "absent")]
-        monkeypatch.setattr(registry, "entry_points", lambda group: points if group == OBJECTIVES else [])
+        points = [("somebody", EntryPoint(name, f"of_somebody:{name}", OBJECTIVES)) for name in (*named, "absent")]
+        monkeypatch.setattr(registry, "_points_of_others", lambda path: points)
         goal_kinds.cache_clear()
         return goal_kinds()
 
