@@ -61,6 +61,7 @@ def test_the_digest_follows_everything_that_is_painted() -> None:
         replace(plan, ground=(0.9, 0.9, 0.9)),
         replace(plan, canvas=replace(CANVAS, width=0.31)),
         plan.part(slice(0, 39)),
+        in_layers(plan, 30, 10),
     )
     assert len({plan.digest, *(other.digest for other in others)}) == len(others) + 1
     assert replace(plan, about=()).digest == plan.digest
