@@ -195,8 +195,8 @@ class Strokes:
 
     def _each(self, change: Callable[[Any], Any]) -> Self:
         """Returns the strokes with `change` made to each array, and to families and codes."""
-        parts: dict[str, Any] = {**self.arrays(), "taught": self.taught}
-        return replace(self, **{name: part if part is None else change(part) for name, part in parts.items()})
+        changed: dict[str, Any] = {name: change(part) for name, part in self.arrays().items()}
+        return replace(self, **changed, taught=self.taught and change(self.taught))
 
     def path(self, fraction: Tensor) -> Tensor:
         """Returns points on the path of each stroke.
