@@ -15,7 +15,6 @@ from frida_painter.errors import (
     MotionFailed,
     RobotDisconnected,
     RobotError,
-    RobotStopped,
     WorkspaceViolation,
     ZeroUnknown,
 )
@@ -315,25 +314,6 @@ def test_what_goes_wrong_is_told_and_nothing_moves_after(
             assert robot.zero().known
             robot.follow(STROKE)
             assert places(board, SERVO)[-1] == pytest.approx(STROKE.position[-1], abs=4e-4)
-
-
-def test_stop_ends_within_a_tenth_of_a_second(plug: Plug) -> None:
-    with connected(plug) as (board, robot):
-        asked: list[tuple[float, float]] = []
-
-        def stop() -> None:
-            asked.append((board.clock.now, board.seconds))
-            robot.stop()
-            robot.stop()
-            assert board.clock.now - asked[0][0] < 0.05
-
-        board.clock.when(lambda: len([1 for _, carriage, _ in board.trace if carriage != (0, 0)]) > 10, stop)
-        with pytest.raises(RobotStopped):
-            robot.follow(STROKE)
-        board.settle()
-        assert board.trace[-1][0] - asked[0][1] < 0.1
-        with pytest.raises(RobotStopped, match="look at it"):
-            robot.home()
 
 
 def test_a_board_is_found_by_its_numbers_or_by_the_name_that_its_owner_gave_it(monkeypatch: pytest.MonkeyPatch) -> None:

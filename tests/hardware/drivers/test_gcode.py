@@ -198,16 +198,6 @@ def test_an_axis_goes_down_no_faster_than_it_should(simulated_time: SimulatedTim
     assert slow.endswith("F300")
 
 
-def test_a_report_in_inches_is_converted(simulated_time: SimulatedTime) -> None:
-    """M16."""
-    bench = grbl_bench(simulated_time, grbl.GRBL, {**grbl.QUICK, "13": 1})
-    robot = bench.ready()
-    robot.follow(Waypoints("stroke 1", np.array([[0.2, 0.05, 0.012]]), 0.05))
-    assert robot.pose() == pytest.approx((0.2, 0.05, 0.012), abs=1e-5)
-    robot.close()
-    assert "It reports inches ($13=1), which are converted." in texts(bench, "fact")
-
-
 def test_a_clones_ok_after_a_report_acknowledges_nothing(simulated_time: SimulatedTime) -> None:
     """M17: no line is sent before the one before it was acknowledged, although an ok follows every report."""
     bench = grbl_bench(simulated_time, grbl.CLONE, {**grbl.DEFAULTS})

@@ -43,25 +43,6 @@ def test_a_stroke_is_painted_through_rosbridge() -> None:
         robot.close()
 
 
-def test_a_network_that_breaks_is_told_and_nothing_is_kept_for_later() -> None:
-    with Rosbridge() as bridge:
-        robot = robot_behind(bridge)
-        robot.connect()
-        bridge.drop()
-        until = time.monotonic() + 2
-        while bridge.clients and time.monotonic() < until:
-            time.sleep(0.01)
-        time.sleep(0.1)
-        with pytest.raises(RobotDisconnected, match="is lost; look at it"):
-            robot.follow(a_stroke())
-        heard = len(bridge.arm.heard)
-        robot.connect()
-        time.sleep(0.2)
-        assert len(bridge.arm.heard) == heard
-        robot.follow(a_stroke())
-        robot.close()
-
-
 def test_m21_a_missing_package_is_told() -> None:
     with Rosbridge() as bridge:
         bridge.packages.remove("trajectory_msgs")

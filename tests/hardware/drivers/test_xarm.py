@@ -272,40 +272,6 @@ def test_the_doctor_reads_payload_sensitivity_and_errors_and_changes_nothing(box
 # Lines and libraries that fail.
 
 
-@pytest.mark.parametrize("fault", ["mute", "garbage", "cut"])
-def test_a_line_that_fails_in_a_stroke_becomes_a_robot_error(
-    box: XarmBox, robot: XarmRobot, monkeypatch: pytest.MonkeyPatch, fault: str
-) -> None:
-    box.pace = 1.0
-    told: list[BaseException] = []
-
-    def paint() -> None:
-        try:
-            robot.follow(STROKE)
-        except RobotError as error:
-            told.append(error)
-
-    monkeypatch.setattr(interlock.Interlock.asking, "__defaults__", (0.5,))
-    thread = threading.Thread(target=paint)
-    thread.start()
-    wait_for(lambda: len(box.moved) > 10)
-    if fault == "cut":
-        box.cut_network()
-    else:
-        setattr(box, fault, True)
-    thread.join(10)
-    assert "xArm at 127.0.0.1" in str(told[0])
-    if fault != "cut":  # a box without connections is stopped by nobody; it finishes its short queue
-        assert box.state == STOPPED
-    box.mute = box.garbage = False
-    with pytest.raises(RobotError):
-        robot.follow(STROKE)
-    robot.close()
-    box.pace = 50.0
-    robot.connect()
-    robot.follow(STROKE)
-
-
 @pytest.mark.parametrize("call", ["get_position", "set_position", "get_state", "get_cmdnum", "get_err_warn_code"])
 def test_whatever_a_call_of_the_sdk_raises_becomes_a_robot_error_and_nothing_moves_after(
     box: XarmBox, robot: XarmRobot, monkeypatch: pytest.MonkeyPatch, call: str
