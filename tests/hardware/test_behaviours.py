@@ -21,7 +21,7 @@ from frida_painter.hardware.robot import (
     ZeroedRobot,
 )
 from machines import grbl, marlin
-from machines.arm_bench import FrankaBench, FrankaShelf, RosBench, XarmBench, so101_bench
+from machines.arm_bench import FakeFrankaBench, FrankaBench, FrankaShelf, RosBench, XarmBench, so101_bench
 from machines.bench import FOUND, SERVO_GRBL, SERVO_MARLIN, Bench, a_dip, grbl_bench, marlin_bench
 from machines.paths import NOT_PATHS, a_stroke
 from machines.plotter_bench import plotter_bench
@@ -60,10 +60,18 @@ def frankas(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrankaShelf]:
     shelf.drop()
 
 
-@pytest.fixture(params=[*COLUMNS, "xArm", "ROS", "SO-101", pytest.param("Franka", marks=pytest.mark.slow)])
+STAND_IN = "Franka, a stand-in"
+
+
+@pytest.fixture(params=[*COLUMNS, "xArm", "ROS", "SO-101", STAND_IN, pytest.param("Franka", marks=pytest.mark.slow)])
 def bench(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     if request.param in COLUMNS:
         yield COLUMNS[request.param](request.getfixturevalue("simulated_time"))
+        return
+    if request.param == STAND_IN:
+        arm = FakeFrankaBench(monkeypatch)
+        yield arm
+        arm.end()
         return
     pytest.importorskip(ARMS[request.param], reason=f"the package for the {request.param} is not installed")
     if request.param == "SO-101":

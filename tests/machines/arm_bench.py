@@ -7,6 +7,7 @@ is driven. The SO-101 lives in simulated time; the others live in real time, som
 import os
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -24,6 +25,7 @@ from frida_painter_drivers.so101 import So101Kinematics, So101Robot
 from frida_painter_drivers.xarm import XarmRobot
 from machines import franky_arm, sts_bus
 from machines.bench import FOUND, SerialBench
+from machines.franky_fake import FakeFranky
 from machines.rosbridge import Rosbridge
 from machines.simulated_time import Cable, SimulatedTime
 from machines.xarm_box import COLLISION, XarmBox, use_ports
@@ -414,6 +416,74 @@ class FrankaBench(LiveBench):
 
     def commands(self) -> list[str]:
         return ["move"] * (self._arm.moves() - self._moves)
+
+
+class FakeFrankaBench(LiveBench):
+    """Bench of a Franka over a stand-in for franky, for every day. Implements Bench."""
+
+    exact = exact_height = 1e-3
+    pace = 20.0
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        super().__init__()
+        self._arm = FakeFranky(FrankaReach(franky_arm.BRUSH).solve(FOUND[None] + PlacedFranka.origin)[0])
+        monkeypatch.setitem(sys.modules, "franky", self._arm)
+        self.lacks = {
+            "zero": _ENCODERS,
+            "lose a line": "TCP loses nothing, and the arm itself ends a motion that lacks commands",
+            "pause button": "its user stop is a stop",
+            "time": "the stand-in has no dynamics",
+        }
+
+    def end(self) -> None:
+        super().end()
+        self._arm.silent.clear()
+        self._arm.unplug()
+
+    def robot(self) -> Any:
+        return self.made(PlacedFranka(self._arm.address, HOME, 0.05, brush_length=franky_arm.BRUSH))
+
+    def tip(self) -> np.ndarray:
+        return PlacedFranka.to_rows(franky_arm.tip_positions(self._arm.joints[None]))[0]
+
+    def moved(self) -> np.ndarray:
+        joints = np.array(list(self._arm.trace)).reshape(-1, 7)
+        return PlacedFranka.to_rows(franky_arm.tip_positions(joints))
+
+    def slow_down(self) -> None:
+        self._arm.pace = 2.0
+
+    def fault(self, name: str) -> None:
+        self._fault, arm = name, self._arm
+        match name:
+            case "alarm":
+                arm.mode, arm.errors = "Reflex", ("cartesian_reflex",)
+                arm.halt(arm.ControlException("reflex"))
+            case "reset" | "power cut":
+                arm.restart()
+            case "unplug":
+                arm.unplug()
+            case "silence":
+                arm.silent.set()
+            case "chatter":
+                pass  # its states come unasked, a thousand a second
+            case "garbage":
+                arm.talk()
+            case _:
+                raise AssertionError(name)
+
+    def mend(self) -> None:
+        match self._fault:
+            case "alarm":
+                self._arm.mode, self._arm.errors = "Idle", ()
+            case "unplug":
+                self._arm.plug_in()
+            case "silence":
+                self._arm.restart()
+                self._arm.silent.clear()
+
+    def commands(self) -> list[str]:
+        return ["move"] * self._arm.moves
 
 
 def _talk_nonsense(server: socket.socket) -> None:

@@ -119,23 +119,28 @@ def table_height(place: np.ndarray, tilt: tuple[float, float]) -> np.ndarray:
     return HEIGHT + (place - np.array(TABLE_AT)) @ np.array(tilt)
 
 
-def tip_positions(joints: np.ndarray, brush: float = BRUSH) -> np.ndarray:
-    """Returns the tip [n, 3] for joint angles [n, 7], from the Denavit-Hartenberg table that Franka publishes.
+def joint_frames(joints: np.ndarray) -> list[np.ndarray]:
+    """Returns the frames [n, 4, 4] of the seven joints for angles [n, 7], by the table that Franka publishes.
 
-    Neither the simulator's model nor the driver's is used. (Craig's convention; a, d, alpha of joints 1 to 7, then
-    the flange; the hand is turned by -45 degrees about the flange's axis, which moves no point of that axis.)
+    Neither the simulator's model nor the driver's is used. (Denavit-Hartenberg in Craig's convention: a, d, alpha.)
     """
     table = [(0, 0.333, 0), (0, 0, -np.pi / 2), (0, 0.316, np.pi / 2), (0.0825, 0, np.pi / 2)]
     table += [(-0.0825, 0.384, -np.pi / 2), (0, 0, np.pi / 2), (0.088, 0, np.pi / 2)]
-    frame = np.broadcast_to(np.eye(4), (len(joints), 4, 4))
+    frames, frame = [], np.broadcast_to(np.eye(4), (len(joints), 4, 4))
     for joint, (a, d, alpha) in enumerate(table):
         cos, sin, zero = np.cos(joints[:, joint]), np.sin(joints[:, joint]), np.zeros(len(joints))
         ca, sa = np.cos(alpha), np.sin(alpha)
         rows = [[cos, -sin, zero, zero + a], [sin * ca, cos * ca, zero - sa, zero - sa * d],
                 [sin * sa, cos * sa, zero + ca, zero + ca * d], [zero, zero, zero, zero + 1]]  # fmt: skip
         frame = frame @ np.moveaxis(np.array(rows), 2, 0)
-    length = 0.107 + HAND_TO_FINGERTIPS + brush
-    return frame[:, :3, 3] + length * frame[:, :3, 2]
+        frames.append(frame)
+    return frames
+
+
+def tip_positions(joints: np.ndarray, brush: float = BRUSH) -> np.ndarray:
+    """Returns the tip [n, 3] for joint angles [n, 7]. The hand's own turn moves no point of its axis."""
+    frame = joint_frames(joints)[-1]
+    return frame[:, :3, 3] + (0.107 + HAND_TO_FINGERTIPS + brush) * frame[:, :3, 2]
 
 
 def _serve(
