@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import MotionFailed
+from frida_painter.errors import MotionFailed, RobotDisconnected
 from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.interlock import Interlock
 from frida_painter.hardware.robot import MachineFact
-from frida_painter_drivers.serial_line import FLOOD, SerialLine, StrangeLines
+from frida_painter_drivers.serial_line import SerialLine
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 Axes = tuple[float, float, float]
@@ -21,6 +21,7 @@ SLICE = 0.05
 JOG_FEED = 600
 """Feed of a jog, mm/min."""
 _CATCH_UP_AFTER = 1.0  # seconds for which nobody listened
+_FLOOD, _MAX_STRANGE = 5.0, 400  # seconds in which strange lines are counted, and how many may come
 
 
 class AnyFirmware(ABC):
@@ -41,7 +42,7 @@ class AnyFirmware(ABC):
         self._heard_at = time.monotonic()
         self.alive = steady()
         self._listens = True  # False while it reads what came when nobody listened
-        self._strangers = StrangeLines()
+        self._strangers, self._strangers_since = 0, time.monotonic()
 
     @abstractmethod
     def send(self, line: str, label: str, waypoint: int | None) -> None:
@@ -88,7 +89,7 @@ class AnyFirmware(ABC):
         """Reads what the machine said while nobody listened. Raises MotionFailed if it was reset meanwhile."""
         if time.monotonic() < self._heard_at + _CATCH_UP_AFTER:
             return
-        until, reset = time.monotonic() + FLOOD, self._was_reset
+        until, reset = time.monotonic() + _FLOOD, self._was_reset
         self._listens = False
         while time.monotonic() < until and (
             self._hear(0.02) is not None or (self.line.holds_part and self._hear(10 * SLICE) is not None)
@@ -98,6 +99,17 @@ class AnyFirmware(ABC):
         self.line.drop_part()  # else the next line would be taken for its end
         if self._was_reset and not reset:
             raise self._report_reset(label, None)
+
+    def _count_stranger(self, answer: str) -> None:
+        """Counts a line that the firmware does not know. Raises RobotDisconnected at a flood of them."""
+        if time.monotonic() > self._strangers_since + _FLOOD:
+            self._strangers, self._strangers_since = 0, time.monotonic()
+        self._strangers += 1
+        if self._strangers > _MAX_STRANGE:
+            raise RobotDisconnected(
+                f"{self._interlock.name} floods the line with what is not of its firmware ({answer[:40]!r}); look at "
+                "the baud rate, and whether this is the machine."
+            )
 
     def _failed(self, label: str, waypoint: int | None, verb: str, more: str, code: str) -> MotionFailed:
         """Returns the error of a machine that VERB at a waypoint; MORE says what, and what to do."""

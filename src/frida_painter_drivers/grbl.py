@@ -497,11 +497,8 @@ class Grbl(AnyFirmware):
             self._was_reset, self._zero_known = True, False
         elif found := _PROBED.fullmatch(answer):
             self._probes.append((float(found[1]) * (_MILLIMETRES_PER_INCH if self._inches else 1.0), found[2] == "1"))
-        elif answer and not answer.startswith(_OF_GRBL) and self._listens and self._strangers.is_flood():
-            raise RobotDisconnected(
-                f"{self._interlock.name} floods the line with what is not GRBL's ({answer[:40]!r}); look at the "
-                "baud rate, and whether this is the machine."
-            )
+        elif answer and not answer.startswith(_OF_GRBL) and self._listens:
+            self._count_stranger(answer)
         return answer
 
     def _take(self, report: _Report) -> None:

@@ -304,7 +304,7 @@ class Marlin(AnyFirmware):
                 continue
             if _is_ok(answer):
                 self.alive = steady()
-                self._strangers.forget()
+                self._strangers = 0
                 self._answer.append(answer)
                 return not again
             if "busy:" in answer:
@@ -326,11 +326,7 @@ class Marlin(AnyFirmware):
             else:  # it may answer a question
                 self._answer.append(answer[:200])
                 self._strange.append(answer[:80])
-                if self._strangers.is_flood():
-                    raise RobotDisconnected(
-                        f"{self._interlock.name} floods the line ({answer[:40]!r}); look at the baud rate, and whether "
-                        "this is the machine."
-                    )
+                self._count_stranger(answer)
 
 
 def _is_ok(answer: str) -> bool:

@@ -10,9 +10,6 @@ from frida_painter.errors import RobotDisconnected, RobotError
 from frida_painter.hardware.robot import StopLine
 
 _LONGEST = 512
-FLOOD = 5.0
-"""Seconds in which strange lines are counted."""
-_MAX_STRANGE = 400  # lines in that time
 _SLICE = 0.02
 _WRITING = 1.0
 
@@ -97,25 +94,6 @@ class SerialLine:
 
     def _gone(self, cause: Exception) -> RobotDisconnected:
         return RobotDisconnected(f"The serial line {self.name} is gone ({_reason(cause)}); look at its cable.")
-
-
-class StrangeLines:
-    """Counter of lines that do not belong to the controller's language: too many of them are a flood."""
-
-    def __init__(self) -> None:
-        self._count, self._since = 0, time.monotonic()
-
-    def is_flood(self) -> bool:
-        """Counts a line; returns True if too many came in a short time."""
-        now = time.monotonic()
-        if now > self._since + FLOOD:
-            self._count, self._since = 0, now
-        self._count += 1
-        return self._count > _MAX_STRANGE
-
-    def forget(self) -> None:
-        """Counts from zero: the controller has answered."""
-        self._count = 0
 
 
 def _keep_dtr(port: Any) -> None:
