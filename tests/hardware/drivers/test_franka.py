@@ -9,8 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 pytest.importorskip("franky")
 pytest.importorskip("franky_sim")
@@ -23,7 +21,7 @@ from frida_painter.hardware import interlock
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
 from frida_painter_drivers import franka
-from frida_painter_drivers.franka import FrankaReach, FrankaRobot, resume_path
+from frida_painter_drivers.franka import FrankaReach, FrankaRobot
 from machines.franky_arm import BRUSH, HEIGHT, TABLE_AT, FrankyArm, tip_positions
 
 HOME = (0.4, 0.0, 0.3)
@@ -107,23 +105,6 @@ def test_a_stroke_is_exact_even_upright_and_as_long_as_foretold_and_home_is_reac
     assert robot.home().reached == pytest.approx(HOME, abs=5e-4)
     tips = painted(arm, since)
     assert np.abs(tips[tips[:, 2] < 0.28][:, :2] - stroke.position[-1, :2]).max() < 2e-3
-
-
-@given(
-    radius=st.floats(0.05, 1.0), azimuth=st.floats(-3.1, 3.1), height=st.floats(-0.3, 0.9),
-    brush=st.floats(0.0, 0.3), turn=st.floats(-90, 90),
-)  # fmt: skip
-def test_the_reach_that_is_known_before_agrees_with_the_published_table(
-    radius: float, azimuth: float, height: float, brush: float, turn: float
-) -> None:
-    place = np.array([[radius * np.cos(azimuth), radius * np.sin(azimuth), height]])
-    reach = FrankaReach(brush, turn)
-    joints = reach.solve(place)
-    if np.isnan(joints).any():
-        assert not reach.reachable(place)[0]
-        return
-    assert tip_positions(joints, brush) == pytest.approx(place, abs=1e-9)
-    assert tip_positions(joints, brush + 1.0) == pytest.approx(place - (0, 0, 1), abs=1e-9)  # upright
 
 
 def test_the_reach_that_is_known_before_is_that_of_the_arms_own_model(arm: FrankyArm, robot: FrankaRobot) -> None:
@@ -231,21 +212,6 @@ def test_a_motion_that_loses_its_way_again_and_again_is_given_up(arm: FrankyArm,
         robot.follow(a_stroke(0.01))
     with pytest.raises(RobotError, match="does not move after its last fault"):
         robot.home()
-
-
-@given(left=st.integers(0, 80), off=st.floats(-0.01, 0.01), seed=st.integers(0, 9))
-def test_a_path_that_goes_on_begins_at_rest_where_the_arm_is_and_ends_as_before(
-    left: int, off: float, seed: int
-) -> None:
-    share = np.linspace(0, 1, 101)[:, None]
-    joints = (share**2 * (3 - 2 * share) * np.random.default_rng(seed).uniform(-1, 1, 7))[100 - left :]
-    rest = resume_path(joints, joints[0] + off)
-    assert rest[0] == pytest.approx(joints[0] + off) and rest[-1] == pytest.approx(joints[-1])
-    steps = np.diff(rest, axis=0)
-    fastest = np.abs(np.diff(joints, axis=0)).max(initial=0)
-    assert np.abs(steps).max() <= fastest + 0.1 * abs(off) + 1e-12
-    assert np.abs(steps[0]).max() <= 0.1 * fastest + 0.01 * abs(off) + 1e-12
-    assert len(rest) <= left + 1 + 20
 
 
 def test_a_reflex_is_told_and_only_a_person_clears_it(arm: FrankyArm, robot: FrankaRobot, tmp_path: Path) -> None:

@@ -241,6 +241,20 @@ def test_an_arm_that_is_slower_than_planned_but_moves_is_alive(
     assert robot.alive_at() > 0
 
 
+def test_it_has_arrived_when_two_questions_give_the_same_place(
+    box: XarmBox, robot: XarmRobot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ask, creeping = robot._arm.get_position, iter((3.0, 2.0, 1.0, 0.5))
+
+    def creep(**how: object) -> tuple[int, list[float]]:
+        code, place = ask(**how)
+        resting = box.commands.count(21) and not box._waiting()
+        return code, [place[0] + (next(creeping, 0.0) if resting else 0.0), *place[1:]]
+
+    monkeypatch.setattr(robot._arm, "get_position", creep)
+    assert robot.follow(STROKE).reached == pytest.approx(STROKE.position[-1], abs=1e-6)
+
+
 def test_a_paused_arm_is_not_sent_anything(box: XarmBox, robot: XarmRobot) -> None:
     box.state = PAUSED
     with pytest.raises(RobotError, match="is paused; let it go on there"):
