@@ -102,6 +102,7 @@ def test_lab_of_adobe_is_what_little_cms_makes_of_it(tmp_path_factory: pytest.Te
         ("a.gpl", "GIMP Palette\nName: x\n1 2 300 x\n", "line 3: '1 2 300 x' is not a colour"),
         ("a.gpl", "GIMP Palette\n" + "1 2 3\n" * 65, "has 65 paints; a palette has 1 to 64"),
         ("a.json", '{"colors": ["#111111"], "swatches": ["#222222"]}', "is not a palette"),
+        ("a.json", '{"x": 5}', "a.json is not a palette; a palette is"),
         ("a.json", "[" * 100_000, "is not JSON"),
         ("a.json", '{"colors": [{"name": "x"}]}', "paint 1: 'None' is not a colour"),
         ("a.ase", ASE[:70], "is damaged or cut off"),
@@ -119,10 +120,7 @@ def test_what_is_no_palette_says_what_one_is(name: str, content: str | bytes, sa
     assert "a palette is a JSON file like" in told or "1 to 64" in told or "undamaged copy" in told
 
 
-@given(
-    st.binary(max_size=200),
-    st.sampled_from([b"", b"ASEF", b"PK\3\4", b"[", b"GIMP Palette\n"]),
-)
+@given(st.binary(max_size=200), st.sampled_from([b"", b"ASEF", b"PK\3\4", b"[", b"GIMP Palette\n"]))
 def test_any_file_is_a_palette_or_refused(
     tmp_path_factory: pytest.TempPathFactory, content: bytes, start: bytes
 ) -> None:

@@ -18,15 +18,7 @@ from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.interlock import PATIENCE
 from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, by_name, require_home
-from frida_painter.hardware.robot import (
-    MachineFact,
-    MotionReport,
-    Point,
-    StopLine,
-    Waypoints,
-    Workspace,
-    Zero,
-)
+from frida_painter.hardware.robot import MachineFact, MotionReport, Point, StopLine, Waypoints, Workspace, Zero
 from frida_painter.hardware.timing import AxisTiming
 from frida_painter_drivers.driver import Driver
 from frida_painter_drivers.ebb import MAX_STEP_RATE, STOP_BYTES, Board, BoardState

@@ -24,16 +24,7 @@ from frida_painter.hardware.kinds import (
     require_home,
     yes_or_no,
 )
-from frida_painter.hardware.robot import (
-    MachineFact,
-    MotionReport,
-    Point,
-    Sense,
-    StopLine,
-    Waypoints,
-    Workspace,
-    Zero,
-)
+from frida_painter.hardware.robot import MachineFact, MotionReport, Point, Sense, StopLine, Waypoints, Workspace, Zero
 from frida_painter.hardware.timing import AxisTiming, TravelLimits
 from frida_painter_drivers.driver import Driver
 from frida_painter_drivers.grbl import Grbl

@@ -13,13 +13,7 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.robot import (
-    ExaminedRobot,
-    PausableRobot,
-    TimedRobot,
-    Waypoints,
-    ZeroedRobot,
-)
+from frida_painter.hardware.robot import ExaminedRobot, PausableRobot, TimedRobot, Waypoints, ZeroedRobot
 from machines import grbl, marlin
 from machines.arm_bench import FakeFrankaBench, FrankaBench, FrankaShelf, RosBench, XarmBench, so101_bench
 from machines.bench import FOUND, SERVO_GRBL, SERVO_MARLIN, Bench, a_dip, grbl_bench, marlin_bench

@@ -239,11 +239,7 @@ def real_grbl(
     cable = clock.attach(controller)
     language = Gcode("grbl", 0.1, servo)
     return RealBench(
-        clock,
-        controller,
-        cable,
-        lambda port: GcodeRobot(port, (0.0, 0.0, 0.05), gcode=language),
-        servo=servo,
+        clock, controller, cable, lambda port: GcodeRobot(port, (0.0, 0.0, 0.05), gcode=language), servo=servo
     )
 
 

@@ -203,8 +203,7 @@ def test_a_file_with_another_hash_than_the_listed_one_is_refused(listing, tmp_pa
 
 
 @pytest.mark.parametrize(
-    "answer",
-    [b"", b"[]", b'{"sha": "main"}', b'{"id": "a", "sha": "%s", "siblings": []}' % REVISION.encode()],
+    "answer", [b"", b"[]", b'{"sha": "main"}', b'{"id": "a", "sha": "%s", "siblings": []}' % REVISION.encode()]
 )
 def test_a_list_of_files_that_is_none_is_one_sentence(listing, tmp_path, answer):
     listing.files[f"api/models/some/net/revision/{REVISION}?blobs=true"] = answer

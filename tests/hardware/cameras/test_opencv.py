@@ -144,9 +144,7 @@ def test_a_real_stream_is_read_until_it_ends(tmp_path: Path) -> None:
     camera.close()
 
 
-def test_a_glance_changes_nothing_for_photographs(
-    devices: list[FakeDevice],
-) -> None:
+def test_a_glance_changes_nothing_for_photographs(devices: list[FakeDevice]) -> None:
     camera = OpencvCamera()
     with pytest.raises(CameraError, match="not connected"):
         camera.glance()

@@ -21,14 +21,7 @@ from frida_painter.errors import (
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.interlock import PATIENCE
 from frida_painter.hardware.kinds import MachineName
-from frida_painter.hardware.robot import (
-    ExaminedRobot,
-    PausableRobot,
-    TimedRobot,
-    Waypoints,
-    Workspace,
-    ZeroedRobot,
-)
+from frida_painter.hardware.robot import ExaminedRobot, PausableRobot, TimedRobot, Waypoints, Workspace, ZeroedRobot
 from frida_painter_drivers.axidraw import KIND, LIFTS, MAX_SPEED, AxidrawRobot, AxidrawSettings
 from frida_painter_drivers.serial_line import SerialLine
 from machines.ebb import BRUSHLESS, STANDARD, TimedEbb

@@ -180,10 +180,7 @@ def test_m15_another_mode_is_told(box: XarmBox, robot: XarmRobot) -> None:
         robot.follow(STROKE)
 
 
-@pytest.mark.parametrize(
-    ("code", "says"),
-    [(31, "Collision Caused Abnormal Current"), (77, "see UFACTORY's manual")],
-)
+@pytest.mark.parametrize(("code", "says"), [(31, "Collision Caused Abnormal Current"), (77, "see UFACTORY's manual")])
 def test_m15_an_error_in_a_stroke_is_named_and_never_cleared(
     box: XarmBox, robot: XarmRobot, code: int, says: str
 ) -> None:
