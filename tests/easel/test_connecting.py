@@ -91,9 +91,8 @@ class Person:
             self.remarks.append(question.remark)
             target = self.script[0]
             assert isinstance(target, np.ndarray)
-            axis = {"Raise": 2, "Move it along x": 0, "Move it along y": 1, "Lower": 2}[
-                next(word for word in ("Raise", "Move it along x", "Move it along y", "Lower") if word in question.text)
-            ]
+            axes = {"Raise": 2, "Move it along x": 0, "Move it along y": 1, "Lower": 2}
+            axis = next(axis for word, axis in axes.items() if word in question.text)
             wanted = 0.3 if "Raise" in question.text else target[axis]
             step = float(wanted - self.robot.stands[axis])
             if abs(step) < 1e-9:
@@ -122,28 +121,20 @@ def test_nothing_moves_while_the_zero_is_lost_and_the_sentence_says_what_to_do()
     assert easel.robot.stopped is None, "nothing happened that a person must look at first"  # type: ignore[attr-defined]
 
 
-def test_without_a_person_it_is_refused() -> None:
+def test_without_a_person_or_with_one_who_leaves_everything_stays_where_it_is() -> None:
     robot = ForgetfulRobot()
+
+    def leave(question: Question) -> Answer:
+        raise Interrupted("You left.")
+
     with pytest.raises(ZeroUnknown, match="nobody is there to find it again; start it in a terminal"):
         connect_easel(easel_with(robot), None, tell_nobody)
+    with pytest.raises(Interrupted):
+        connect_easel(easel_with(robot), leave, tell_nobody)
     assert robot.motions == [] and robot.steps == []
 
 
-def test_a_person_jogs_to_the_corner_and_the_tip_is_where_it_says() -> None:
-    robot = ForgetfulRobot()
-    person = Person(robot, False, CORNER, True, True)
-    easel = connect_easel(easel_with(robot), person.answer, tell_nobody)
-    assert max(robot.steps) <= 0.02 + 1e-9
-    np.testing.assert_allclose(robot.off, 0, atol=1e-9)
-    (shown,) = [motion for motion in robot.motions if motion.label == "to the other corner"]
-    there = WORKSPACE.to_canvas(shown.position[-1:])[0]
-    np.testing.assert_allclose(there, (CANVAS.width, CANVAS.height), atol=1e-9)
-    assert shown.position[:, 2].min() > CALIBRATION.touch_height + 0.02
-    easel.robot.follow(Waypoints("stroke 1", np.array([[0.1, 0.1, 0.2]]), 0.1))
-    np.testing.assert_allclose(robot.stands, (0.1, 0.1, 0.2))
-
-
-def test_a_jog_that_the_machine_cannot_do_is_told_and_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_person_jogs_to_the_corner_and_the_tip_is_where_it_says(monkeypatch: pytest.MonkeyPatch) -> None:
     robot = ForgetfulRobot()
     person, jog = Person(robot, False, CORNER, True, True), robot.jog
     refusals = ["its servo reaches no higher."]
@@ -154,9 +145,15 @@ def test_a_jog_that_the_machine_cannot_do_is_told_and_asked_for_again(monkeypatc
         jog(step)
 
     monkeypatch.setattr(robot, "jog", refuse_once)
-    connect_easel(easel_with(robot), person.answer, tell_nobody)
-    assert "Not moved: its servo reaches no higher." in person.remarks
+    easel = connect_easel(easel_with(robot), person.answer, tell_nobody)
+    assert "Not moved: its servo reaches no higher." in person.remarks and max(robot.steps) <= 0.02 + 1e-9
     np.testing.assert_allclose(robot.off, 0, atol=1e-9)
+    (shown,) = [motion for motion in robot.motions if motion.label == "to the other corner"]
+    there = WORKSPACE.to_canvas(shown.position[-1:])[0]
+    np.testing.assert_allclose(there, (CANVAS.width, CANVAS.height), atol=1e-9)
+    assert shown.position[:, 2].min() > CALIBRATION.touch_height + 0.02
+    easel.robot.follow(Waypoints("stroke 1", np.array([[0.1, 0.1, 0.2]]), 0.1))
+    np.testing.assert_allclose(robot.stands, (0.1, 0.1, 0.2))
 
 
 def test_a_second_corner_that_is_not_there_makes_it_begin_again() -> None:
@@ -179,17 +176,6 @@ def test_limit_switches_or_a_look_are_enough() -> None:
     person = Person(robot, True)
     connect_easel(easel_with(robot), person.answer, tell_nobody)
     assert "above lightest touch. Is it exactly there?" in person.asked[0] and robot.steps == []
-
-
-def test_a_person_who_leaves_leaves_everything_where_it_is() -> None:
-    robot = ForgetfulRobot()
-
-    def leave(question: Question) -> Answer:
-        raise Interrupted("You left.")
-
-    with pytest.raises(Interrupted):
-        connect_easel(easel_with(robot), leave, tell_nobody)
-    assert robot.steps == [] and robot.motions == []
 
 
 def test_a_jog_is_short_and_stays_in_the_workspace_once_the_zero_is_known() -> None:
