@@ -3,8 +3,6 @@
 import socket
 import threading
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -245,10 +243,12 @@ def test_the_limits_of_a_machine_come_through_the_link_as_they_are(upper: tuple[
         target=Host(guarded, GuardedCamera(PatientCamera()), AbsentOperator()).serve, args=(Wire(theirs),), daemon=True
     )
     serving.start()
-    pulse: Any = SimpleNamespace(silent=0.0)
-    away = make_remote("robot", Link(Wire(ours), pulse).call)
+    beats, its_beats = socket.socketpair()
+    link = Link(Wire(ours), beats)
+    away = make_remote("robot", link.call)
     away.connect()
     assert away.travel_limits() == robot.travel
-    ours.close()
+    link.end(ask=False)
     serving.join(20)
     theirs.close()
+    its_beats.close()

@@ -318,55 +318,15 @@ _LOOK_EVERY = 0.25
 _HEEDING, _WRITING = 1.0, 10.0  # within which a process that lives takes a stop, and a disk stores one
 
 
-class LastStop:
-    """The stop of a robot whose easel's process vanished: it is stored by the process that is left.
-
-    latch: of the robot; None until the easel is open
-    connected: True from the request to connect until the robot is closed; otherwise it cannot move
-    held: True if the machine itself got a stop
-    """
-
-    def __init__(self) -> None:
-        self.latch: Latch | Unlatched | None = None
-        self.connected = self.held = False
-        self._unkept: FridaError | None = None
-
-    def engage(self, held: bool) -> None:
-        """Stores the stop, if the robot was connected."""
-        self.held = held
-        if self.connected and self.latch is not None:
-            try:
-                self.latch.engage("its process was killed or crashed, perhaps in the middle of a motion")
-            except FridaError as failure:
-                self._unkept = failure
-
-    def explain(self, why: str) -> RobotDisconnected:
-        """Returns the error for people, after `engage`. why: how the process ended, in words."""
-        told = f"The easel's process is gone ({why}). "
-        if not self.connected or self.latch is None:
-            return RobotAbandoned(f"{told}The robot was not connected, and did not move.", held=False, latched=False)
-        if isinstance(self.latch, Unlatched):
-            return RobotAbandoned(f"{told}It was a simulated robot; resume the painting.", held=False, latched=False)
-        told += (
-            "This process told the machine to hold over the same line. "
-            if self.held
-            else "Nobody could tell the robot to stop: what its board had received is finished. "
-        )
-        if self._unkept is not None:
-            told += f"The stop could not be stored ({self._unkept}) Start nothing before somebody has looked at it."
-        else:
-            told += f"It is stopped for this program until you arm it: {self.latch.remedy}"
-        return RobotAbandoned(told, held=self.held, latched=self._unkept is None)
-
-
 class Link:
     """Link to the easel's process: sends one request at a time.
 
-    last: stop of the robot if that process vanishes
+    line: for heartbeats and stops, see watchdog.Pulse
     process: of the easel; it is ended if it neither answers nor takes a stop
     tell: receives sentences of the easel's process for people
     patience: seconds to wait for an answer, or for the promise of a later one
     most_silence: greatest time without a heartbeat during the wait, seconds
+    latch: stores the stop of a connected robot whose process vanished; None until the easel is open
 
     Raises RobotDisconnected if there is no answer, after sending a stop. The link is then broken for good.
     Raises the errors that the easel reports.
@@ -375,15 +335,20 @@ class Link:
     def __init__(
         self,
         wire: Wire,
-        pulse: Pulse,
-        last: LastStop | None = None,
+        line: socket.socket,
         process: subprocess.Popen[bytes] | None = None,
         tell: Callable[[str], None] = lambda remark: None,
     ) -> None:
-        self._wire, self.pulse, self.last, self._process, self._tell = wire, pulse, last or LastStop(), process, tell
+        self._wire, self._process, self._tell = wire, process, tell
         self.patience, self.most_silence = _CALL, _MAX_SILENCE
+        self.latch: Latch | Unlatched | None = None
         self._turn = threading.Lock()
         self._broken: RobotDisconnected | None = None
+        # From the request to connect until the robot is closed; otherwise it cannot move.
+        self._connected = False
+        self._held = False  # the machine itself got a stop
+        self._unkept: FridaError | None = None
+        self.pulse = Pulse(line, self._lose)
 
     def call(self, request: Request, arguments: Mapping[str, Any]) -> Any:
         """Returns the result of a request with its arguments by name."""
@@ -396,7 +361,7 @@ class Link:
             if self._broken is not None:
                 raise self._broken.with_traceback(None)
             if (part, task) == ("robot", "connect"):
-                self.last.connected = True
+                self._connected = True
             try:
                 self._wire.send(words, arrays)
                 # The process sends no heartbeats while it closes everything.
@@ -406,12 +371,12 @@ class Link:
                 raise self._broken from error
         for remark in answer.get("remarks", ()):
             self._tell(str(remark))
-        if self.last.latch is not None:
-            self.last.latch.machines = frozenset(answer.get("machines", self.last.latch.machines))
+        if self.latch is not None:
+            self.latch.machines = frozenset(answer.get("machines", self.latch.machines))
         if "error" in answer:
             raise decode_error(answer)
         if task == "end" or (part, task) == ("robot", "close"):
-            self.last.connected = False
+            self._connected = False
         return answer, result
 
     def _answer(self, *, listen: bool) -> tuple[dict[str, Any], Arrays]:
@@ -442,10 +407,37 @@ class Link:
                 self._process.kill()
             pulse.gone.wait(_WRITING)
         if pulse.gone.is_set() and not pulse.ended:
-            return self.last.explain(why or self._describe_end())
+            return self._explain(why or self._describe_end())
         return RobotDisconnected(
             f"The easel's process does not answer ({error}) The robot was told to stop; look at it before going on."
         )
+
+    def _lose(self, held: bool) -> None:
+        """Stores the stop of a connected robot whose process vanished. held: True if the machine itself got a stop."""
+        self._held = held
+        if self._connected and self.latch is not None:
+            try:
+                self.latch.engage("its process was killed or crashed, perhaps in the middle of a motion")
+            except FridaError as failure:
+                self._unkept = failure
+
+    def _explain(self, why: str) -> RobotDisconnected:
+        """Returns the error for people, after `_lose`. why: how the process ended, in words."""
+        told = f"The easel's process is gone ({why}). "
+        if not self._connected or self.latch is None:
+            return RobotAbandoned(f"{told}The robot was not connected, and did not move.", held=False, latched=False)
+        if isinstance(self.latch, Unlatched):
+            return RobotAbandoned(f"{told}It was a simulated robot; resume the painting.", held=False, latched=False)
+        told += (
+            "This process told the machine to hold over the same line. "
+            if self._held
+            else "Nobody could tell the robot to stop: what its board had received is finished. "
+        )
+        if self._unkept is not None:
+            told += f"The stop could not be stored ({self._unkept}) Start nothing before somebody has looked at it."
+        else:
+            told += f"It is stopped for this program until you arm it: {self.latch.remedy}"
+        return RobotAbandoned(told, held=self._held, latched=self._unkept is None)
 
     def _describe_end(self) -> str:
         ended = None

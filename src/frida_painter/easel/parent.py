@@ -84,15 +84,14 @@ class EaselProcess:
         """
         from pydantic import TypeAdapter
 
-        from frida_painter.easel.connection import LastStop, Link, Wire, decode_error, make_remote
+        from frida_painter.easel.connection import Link, Wire, decode_error, make_remote
         from frida_painter.easel.kinds import easel_kind, is_simulated
         from frida_painter.easel.order import FACTS, EaselFacts, EaselOrder
-        from frida_painter.easel.watchdog import Pulse
         from frida_painter.hardware.easel import Easel
         from frida_painter.hardware.latch import Unlatched, latch_of
 
-        wire, last = Wire(self._near), LastStop()
-        self._link = link = Link(wire, Pulse(self._line, last.engage), last, self._process, tell)
+        wire = Wire(self._near)
+        self._link = link = Link(wire, self._line, self._process, tell)
         try:
             wire.send({"order": TypeAdapter(EaselOrder).dump_python(order, mode="json")})
             # A simulated easel may take any time, for example to replay its diary of many thousand strokes; the death
@@ -108,7 +107,7 @@ class EaselProcess:
             link.patience = link.most_silence = math.inf
         kind, known_as = easel_kind(order.robot), facts.calibration.easel
         alive = kind is not None and (kind.simulated or kind.person)  # nothing of it moves by itself
-        last.latch = Unlatched(known_as) if alive else latch_of(order.state, known_as, about["machines"])
+        link.latch = Unlatched(known_as) if alive else latch_of(order.state, known_as, about["machines"])
         return Easel(
             # Stops go over the separate line, and the easel's process watches the controller.
             robot=make_remote("robot", link.call, stop=link.pulse.stop, alive_at=lambda: -math.inf),

@@ -30,21 +30,10 @@ def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Vi
 
     own = {name: studio_brush(name) for name in order.brushes}
     load_kernels(own[order.brushes[0]])
-    ordered = {
-        "arm": arm,
-        "placement_error": order.placement_error,
-        "pace": order.pace,
-        "faults": order.faults,
-        "picture": order.canvas_picture,
-    }
-    settings = StudioSettings(**{**ordered, **furniture})
-    studio = open_studio(
-        order.canvas,
-        own,
-        seed=order.seed,
-        settings=settings,
-        state=None if order.folder is None else order.folder / SIMULATION_LOG,
-    )
+    same = {name: getattr(order, name) for name in ("placement_error", "pace", "faults")}
+    settings = StudioSettings(**{"arm": arm, **same, "picture": order.canvas_picture, **furniture})
+    diary = None if order.folder is None else order.folder / SIMULATION_LOG
+    studio = open_studio(order.canvas, own, seed=order.seed, settings=settings, state=diary)
     easel = replace(studio.easel, calibration=replace(studio.easel.calibration, color=_true_colors_of(settings.camera)))
     if order.canvas_picture is not None:
         easel = replace(easel, calibration=_with_bare_canvas(easel.calibration, order, own, settings))
