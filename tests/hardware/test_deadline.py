@@ -1,6 +1,6 @@
 import threading
 import time
-from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -9,12 +9,8 @@ from frida_painter.hardware.deadline import Caller, LibraryExit, Overdue, in_our
 from frida_painter.hardware.interlock import Interlock
 
 
-def ending() -> None:
-    raise SystemExit(2)
-
-
-def interrupted() -> None:
-    raise KeyboardInterrupt
+def raising(error: BaseException) -> None:
+    raise error
 
 
 def soon() -> float:
@@ -46,12 +42,12 @@ def test_a_call_that_is_overdue_is_given_up_and_no_other_is_made_beside_it() -> 
     assert made == ["after it"]
 
 
-@pytest.mark.parametrize("end", [ending, interrupted])
-def test_a_library_that_wants_to_end_the_program_does_not_and_the_caller_goes_on(end: Callable[[], None]) -> None:
+@pytest.mark.parametrize("end", [SystemExit, KeyboardInterrupt])
+def test_a_library_that_wants_to_end_the_program_does_not_and_the_caller_goes_on(end: type[BaseException]) -> None:
     caller = Caller("the arm")
     with pytest.raises(LibraryExit) as told:
-        caller.call(end, soon)
-    assert isinstance(told.value.__cause__, SystemExit | KeyboardInterrupt)
+        caller.call(lambda: raising(end(2)), soon)
+    assert isinstance(told.value.__cause__, end)
     assert caller.call(lambda: "still here", soon) == "still here"
     caller.end()
 
@@ -68,26 +64,23 @@ def test_within_so_many_seconds_or_not_at_all() -> None:
     hanging.set()
 
 
-def test_whatever_is_raised_becomes_an_error_with_a_name() -> None:
-    def asked(raised: BaseException | None) -> str:
-        def call() -> str:
-            if raised is not None:
-                raise raised
-            return "fine"
-
-        return in_our_errors(call, late=lambda: CameraError("late"), failed=lambda why: RobotError(f"failed ({why})"))
-
-    assert asked(None) == "fine"
-    with pytest.raises(CameraError, match="late"):
-        asked(Overdue("x"))
-    with pytest.raises(MotionFailed, match="as it is"):
-        asked(MotionFailed("as it is"))
-    with pytest.raises(RobotError, match=r"failed \(OSError: no cable\)"):
-        asked(OSError("no\n cable"))
-    with pytest.raises(RobotError, match=r"failed \(TimeoutError\)"):
-        asked(TimeoutError())
-    with pytest.raises(KeyboardInterrupt):  # of a person who waits here; not a failure of the machine
-        asked(KeyboardInterrupt())
+@pytest.mark.parametrize(
+    ("raised", "error", "says"),
+    [
+        (Overdue("x"), CameraError, "late"),
+        (MotionFailed("as it is"), MotionFailed, "as it is"),
+        (OSError("no\n cable"), RobotError, r"failed \(OSError: no cable\)"),
+        (TimeoutError(), RobotError, r"failed \(TimeoutError\)"),
+        (KeyboardInterrupt("me"), KeyboardInterrupt, "me"),  # of a person who waits here; not a failure of the machine
+    ],
+)
+def test_whatever_is_raised_becomes_an_error_with_a_name(
+    raised: BaseException, error: type[BaseException], says: str
+) -> None:
+    named: Any = {"late": lambda: CameraError("late"), "failed": lambda why: RobotError(f"failed ({why})")}
+    assert in_our_errors(lambda: "fine", **named) == "fine"
+    with pytest.raises(error, match=says):
+        in_our_errors(lambda: raising(raised), **named)
     assert one_line(ValueError("x" * 900)) == "ValueError: " + "x" * 200
 
 
@@ -95,7 +88,7 @@ def test_an_interlock_lets_nothing_through_after_a_library_failed_was_silent_or_
     released = threading.Event()
     for call, error, says in (
         (lambda: released.wait(30), RobotDisconnected, "pose: the arm did not answer within 0 s"),
-        (ending, RobotError, r"pose: the arm failed \(SystemExit: 2\)"),
+        (lambda: raising(SystemExit(2)), RobotError, r"pose: the arm failed \(SystemExit: 2\)"),
         (lambda: 1 // 0, RobotError, "ZeroDivisionError"),
     ):
         interlock = Interlock("the arm")
