@@ -10,14 +10,14 @@ import pytest
 
 from frida_painter import registry
 from frida_painter.errors import ConfigError
+from frida_painter.hardware import preset as presets_module
 from frida_painter.hardware.kinds import MachineName, RobotKind
 from frida_painter.hardware.layout import Layout
 from frida_painter.hardware.preset import Preset, find_preset, presets, read_preset
 from frida_painter.hardware.robot import Reach
 
 FOLDER = Path(str(resources.files("frida_painter.hardware") / "presets"))
-NOBODY = Path("/nonexistent")
-OURS = presets(NOBODY)
+OURS = presets()
 MACHINES = [name for name, preset in OURS.items() if preset.is_machine]
 
 
@@ -92,16 +92,17 @@ def test_a_wrong_entry_is_named(where, value, said):
     assert said in str(told.value)
 
 
-def test_a_persons_own_preset_replaces_ours_and_stands_beside_them(tmp_path):
+def test_a_persons_own_preset_replaces_ours_and_stands_beside_them(tmp_path, monkeypatch):
+    monkeypatch.setattr(presets_module, "user_folder", lambda: tmp_path)
     text = (FOLDER / "idraw.toml").read_text(encoding="utf-8")
     (tmp_path / "idraw.toml").write_text(text.replace("iDraw 1 A4", "mine"), encoding="utf-8")
     (tmp_path / "attic.toml").write_text(text, encoding="utf-8")
-    found = presets(tmp_path)
+    found = presets()
     assert found["idraw"].title.startswith("mine")
     assert set(found) == {*OURS, "attic"}
     assert find_preset(str(tmp_path / "attic.toml")).name == "attic"
     with pytest.raises(ConfigError, match=r"no preset 'nobody'; take one of .*attic"):
-        find_preset("nobody", tmp_path)
+        find_preset("nobody")
 
 
 def test_a_preset_without_its_driver_says_which_there_are():

@@ -217,10 +217,9 @@ def read_preset(name: str) -> str:
     return file.read_text(encoding="utf-8")
 
 
-def presets(folder: Path | None = None) -> dict[str, Preset]:
+def presets() -> dict[str, Preset]:
     """Returns all presets by name: those of the project, then a person's own, which replace ones of the same name.
 
-    folder: of the person's own presets; None for `user_folder`
     Raises ConfigError if a file is no preset.
     """
     ours = sorted((resources.files("frida_painter.hardware") / "presets").iterdir(), key=lambda file: file.name)
@@ -229,17 +228,17 @@ def presets(folder: Path | None = None) -> dict[str, Preset]:
         if file.name.endswith(".toml"):
             with resources.as_file(file) as path:
                 found[path.stem] = Preset.load(path)
-    own = folder or user_folder()
+    own = user_folder()
     if own.is_dir():
         found |= {path.stem: Preset.load(path) for path in storage.list_files(own, "*.toml")}
     return found
 
 
-def find_preset(name: str, folder: Path | None = None) -> Preset:
+def find_preset(name: str) -> Preset:
     """Returns a preset by its name, or from a file if the name ends in .toml. Raises ConfigError if there is none."""
     if name.endswith(".toml"):
         return Preset.load(Path(name))
-    known = presets(folder)
+    known = presets()
     if name not in known:
         raise ConfigError(
             f"There is no preset {name[:60]!r}; take one of {', '.join(known)}, or a file that ends in .toml."
