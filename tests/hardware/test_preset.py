@@ -78,6 +78,7 @@ def test_an_arm_reaches_the_places_that_its_preset_proposes(name, package):
         ("probe.corner", [0.0, 0.0, 1.0], "outside the area"),
         ("probe.zero", "robot", "belongs to probe.zero"),
         ("lift.by", "axis", "belong to lift.by = 'servo'"),
+        ("lift", {"by": "servo", "low": {"height": -0.002, "value": 9855}}, "belong to lift.by = 'servo'"),
         ("area.lower", [0.0, 0.3, -0.002], "not below area.upper in y"),
         ("area.lower", [0.0, -0.01, -0.002], "at least 50 mm"),
         ("motion.painting_speed", 0.5, "is above motion.travel_speed"),

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from frida_painter.errors import ConfigError
-from frida_painter.hardware.timing import AxisTiming, Timing
+from frida_painter.hardware.timing import AxisTiming, ServoTiming, Timing
 
 FEW = settings(max_examples=min(20, settings.default.max_examples))
 TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
@@ -117,6 +117,15 @@ def test_motors_that_pull_along_the_diagonals_limit_the_sum_of_both_axes():
     ways = np.array([[1.0, 0, 0], [1.0, 1.0, 0], [0, 0, 1.0]])
     assert machine.limit_speeds(ways, np.full(3, 0.5)) == pytest.approx([0.3125, 0.3125 / np.sqrt(2), 0.5])
     assert machine.seconds(np.array([[0, 0, 0], [0.1, 0, 0.0]]), np.array([0.2])) == pytest.approx(0.5)
+
+
+def test_a_servo_lowers_the_brush_step_by_step_and_lifts_it_at_once_unless_a_speed_is_set():
+    servo = ServoTiming(0.05, each=0.001)
+    heights, waits = zip(*servo.steps(0.004, 0.0), strict=True)
+    assert heights == pytest.approx((0.003, 0.002, 0.001, 0.0)) and waits == pytest.approx((0.02,) * 4)
+    assert servo.steps(0.0, 0.004) == [(0.004, pytest.approx(0.08))]
+    assert ServoTiming(0.05, lift=0.1).steps(0.0, 0.002) == [pytest.approx((z, 0.01)) for z in (0.001, 0.002)]
+    assert servo.seconds(0.004, 0.0) == pytest.approx(0.084)
 
 
 @pytest.mark.parametrize(
