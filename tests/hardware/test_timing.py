@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -5,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from frida_painter.errors import ConfigError
-from frida_painter.hardware.timing import AxisTiming, ServoTiming, Timing
+from frida_painter.hardware.timing import AxisTiming, ServoTiming, Timing, motion_seconds
 
 FEW = settings(max_examples=min(20, settings.default.max_examples))
 TIMING = Timing(acceleration=0.8, smoothing=0.06, period=0.01)
@@ -86,6 +88,9 @@ def walked(timing: AxisTiming, path: np.ndarray, speed: float, steps: int = 4000
 def test_a_straight_way_takes_its_length_over_the_axis_rate_and_one_ramp():
     path = np.array([[0, 0, 0], [0.081, 0, 0]])
     assert SLOW.seconds(path, np.array([0.1])) == pytest.approx(0.081 / (0.5 / 60) + 0.5 / 60 / 0.01, rel=1e-4)
+    settled = replace(SLOW, between=0.5)
+    assert motion_seconds(settled, path, 0.1) == pytest.approx(SLOW.seconds(path, np.array([0.1])) + 0.5)
+    assert motion_seconds(None, path, 0.1) == pytest.approx(0.81)
     diagonal = np.array([[0, 0, 0], [0.081, 0.081, 0]])
     assert SLOW.seconds(diagonal, np.array([0.1])) == pytest.approx(SLOW.seconds(path, np.array([0.1])), rel=1e-4)
     assert SLOW.limit_speeds(np.diff(diagonal, axis=0), np.array([0.1])) == pytest.approx([np.sqrt(2) * 0.5 / 60])

@@ -24,7 +24,7 @@ def test_volume_is_conserved():
         hand.stroke(0.02, y, 0.06, bend=0.01)
         hand.clean()
     hand.dip(0)
-    hand.studio.wait(20.0)
+    hand.easel.operator.let_dry(20.0)
     hand.stroke(0.10, 0.02, 0.05, angle=np.pi)  # Over half-dry paint.
     hand.stroke(0.08, 0.05, 0.06)  # Runs over the edge of the canvas.
     balance = hand.studio.balance()
@@ -46,7 +46,7 @@ def test_a_wet_layer_is_picked_up_and_mixed_and_a_dry_one_is_not(dries):
     hand.stroke(0.06, 0.08, 0.06, angle=-np.pi / 2)
     hand.clean()
     if dries:
-        hand.studio.wait(3600.0)
+        hand.easel.operator.let_dry(3600.0)
         assert hand.studio.balance().wet == 0
     dry = hand.studio.balance().dry
     hand.dip(0)
@@ -89,7 +89,7 @@ def test_thin_paint_dries_before_thick_paint():
     hand.dip(0)
     hand.stroke(0.03, 0.045, 0.06)
     film = hand.studio.canvas.wet[:, :, 0].copy()
-    hand.studio.wait(100.0)
+    hand.easel.operator.let_dry(100.0)
     left = hand.studio.canvas.wet[:, :, 0]
     thin, thick = (film > 0) & (film < 0.01), film > 0.04
     assert thin.any() and thick.any()

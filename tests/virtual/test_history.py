@@ -29,7 +29,7 @@ def evening() -> list[Callable[[Hand], object]]:
         lambda here: here.easel.camera.capture(0),
         lambda here: here.stroke(0.02, 0.04, 0.05, angle=0.3),
         lambda here: here.clean(),
-        lambda here: here.studio.wait(5.0),
+        lambda here: here.easel.operator.let_dry(5.0),
         lambda here: here.easel.operator.let_dry(5.0),
         lambda here: here.easel.operator.tone((0.784, 0.659, 0.471)),
         lambda here: here.dip(1),

@@ -226,26 +226,14 @@ class StudioOperator:
     def _put_checker(self, lying: Checker | None) -> None:
         self._table.checker = lying
         card = self.checker
-        self.note(
-            {
-                "did": "checker",
-                "lies": lying is not None,
-                "center": list(card.center),
-                "turn": card.turn,
-                "width": card.width,
-            }
-        )
+        place = {"center": list(card.center), "turn": card.turn, "width": card.width}
+        self.note({"did": "checker", "lies": lying is not None, **place})
 
 
 # History of a studio: its logged actions, and their replay.
 #
 # A studio depends only on its seed and on these actions, so the canvas itself is not saved. The same motions leave
 # the same paint in the same cells, byte for byte.
-
-
-def faults_entry(faults: Faults) -> Entry:
-    """Returns the log entry for a change of faults."""
-    return {"did": "break", "faults": TypeAdapter(Faults).dump_python(faults, mode="json")}
 
 
 def relive(
@@ -498,7 +486,7 @@ class VirtualStudio:
     def break_things(self, faults: Faults) -> None:
         """Sets the faults that happen from now on."""
         self.robot.faults = self.camera.faults = faults
-        self._note(faults_entry(faults))
+        self._note({"did": "break", "faults": TypeAdapter(Faults).dump_python(faults, mode="json")})
 
     def lay_checker(self, center: tuple[float, float], turn: float, width: float | None = None) -> None:
         """Lays the colour checker on the canvas; the operator uses this place from now on.
@@ -508,10 +496,6 @@ class VirtualStudio:
         width: metres of its longer side.
         """
         self._operator.place_checker((center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM)
-
-    def wait(self, seconds: float) -> None:
-        """Lets time pass and paint dry."""
-        self._operator.let_dry(seconds)
 
     def truth(self, rows: int) -> Tensor:
         """Returns the real canvas, straight on in even light: sRGB [3, rows, columns]. Not for the painter."""
