@@ -445,6 +445,14 @@ def test_a_touch_is_felt_within_the_workspace_and_nowhere_else(tmp_path: Path) -
     assert deaf.feels() is None and deaf.stopped is None
 
 
+@pytest.mark.parametrize("method", ["connect", "pose", "follow", "home"])
+def test_an_answer_that_takes_its_time_is_waited_for(method: str, tmp_path: Path) -> None:
+    guard = guarded(MisbehavingRobot(method, lambda: time.sleep(0.1)), tmp_path)
+    guard.connect()
+    guard.follow(ABOVE)
+    assert guard.home().label == "home" and guard.stopped is None
+
+
 def test_a_motion_is_promised_before_it_begins(tmp_path: Path) -> None:
     """Whoever waits in another process knows by then how long it may take, also if a person may hold the machine."""
 

@@ -348,26 +348,19 @@ class GuardedRobot:
     ) -> MotionReport:
         """Moves along about this path [k, 3] (m), and checks that the tip stands where the report says."""
         seconds = motion_seconds(self._timing, path, speed) * self._patience + self._grace
-        report = self._act(label, act, seconds, _require_report)
+        report = self._act(label, lambda: _require_report(label, act()), seconds)
         self._tip = reached = np.asarray(report.reached, np.float64)
         self._tip = self.pose()
         gateway.require_arrived(label, self._tip, reached, "it says it went")
         return report
 
-    def _act(
-        self,
-        label: str,
-        act: Callable[[], T],
-        within: float,
-        require: Callable[[str, object], None] = lambda label, result: None,
-    ) -> T:
-        """Returns the result of a motion that passed `require`. Stops and latches the robot after a fault."""
+    def _act(self, label: str, act: Callable[[], T], within: float) -> T:
+        """Returns the result of a motion. Stops and latches the robot after a fault."""
         self._require_armed(label)
         self._promise(within + 2 * self._grace + (0.0 if self._timing is None else _HELD))
         self._moving.set()
         try:
-            result = self._call(label, act, within)
-            require(label, result)
+            return self._call(label, act, within)
         except (WorkspaceViolation, RobotBusy, ZeroUnknown):
             raise  # refused before anything moved
         except FridaError as fault:
@@ -378,7 +371,6 @@ class GuardedRobot:
             raise
         finally:
             self._moving.clear()
-        return result
 
     def _call(self, label: str, act: Callable[[], T], within: float) -> T:
         """Returns the driver's result; an exception or a delay becomes a FridaError."""
@@ -420,17 +412,16 @@ class GuardedRobot:
         return RobotStopped(told, asked=self._asked)
 
 
-def _require_report(label: str, report: object) -> None:
-    """Raises RobotError unless it reports a motion with a place of the tip and times in order."""
-    sound = isinstance(report, MotionReport) and _is_place(report.reached)
-    if isinstance(report, MotionReport):
+def _require_report(label: str, report: object) -> MotionReport:
+    """Returns the report of a motion. Raises RobotError unless it has a place of the tip, and times in order."""
+    if isinstance(report, MotionReport) and _is_place(report.reached):
         began, ended = report.started_at, report.finished_at
-        sound &= all(isinstance(at, int | float) and math.isfinite(at) for at in (began, ended)) and began <= ended
-    if not sound:
-        raise RobotError(
-            f"{label}: the robot reported {_shortly(report)}, which is no report of a motion; nobody knows where "
-            "its tip is. Look at it before going on."
-        )
+        if all(isinstance(at, int | float) and math.isfinite(at) for at in (began, ended)) and began <= ended:
+            return report
+    raise RobotError(
+        f"{label}: the robot reported {_shortly(report)}, which is no report of a motion; nobody knows where its tip "
+        "is. Look at it before going on."
+    )
 
 
 def _is_place(told: object) -> bool:
