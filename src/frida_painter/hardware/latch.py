@@ -71,8 +71,9 @@ class Latch:
         own = _read(self.path, self.easel)
         if own is not None or not self.machines:
             return own
-        others = (_read(path, path.stem) for path in _list(self.path.parent, self._shared))
-        return next(filter(self._concerns, others), None)
+        others = filter(None, (_read(path, path.stem) for path in _list(self.path.parent, self._shared)))
+        held = (one for one in others if one.damaged or one.easel == self.easel or one.machines & self.machines)
+        return next(held, None)
 
     def engage(self, reason: str) -> StopRecord:
         """Stores a stop, flushed to the disk; an earlier reason stays. Raises StorageError."""
@@ -81,7 +82,7 @@ class Latch:
             path = self._shared / f"{self.path.stem}.{os.geteuid()}.json"
             with contextlib.suppress(StorageError, OSError):
                 _make_shared(self._shared)
-                if not _is_foreign(path):  # its owner could take it away again
+                if not os.path.lexists(path) or path.lstat().st_uid == os.geteuid():  # else its owner could delete it
                     self._store(path, stopped)
                     return stopped
         self._store(self.path, stopped)
@@ -102,9 +103,6 @@ class Latch:
                 f"The stop in {storage.abridge(self.path)} cannot be cleared ({error.strerror}); let the user arm it "
                 "who stopped the robot, or an administrator: sudo frida-painter arm"
             ) from error
-
-    def _concerns(self, stop: StopRecord | None) -> bool:
-        return stop is not None and (stop.damaged or stop.easel == self.easel or bool(stop.machines & self.machines))
 
     def _store(self, path: Path, stop: StopRecord) -> None:
         before = _read(path, self.easel)
@@ -173,13 +171,6 @@ def _state_of(path: Path) -> tuple[int, int, int, int] | None:
     except OSError:
         return 0, 0, 0, 0
     return state.st_mtime_ns, state.st_mode, state.st_ino, state.st_size
-
-
-def _is_foreign(path: Path) -> bool:
-    try:
-        return path.lstat().st_uid != os.geteuid()
-    except OSError:
-        return False
 
 
 # Folders of stops.
