@@ -69,6 +69,7 @@ class GuardedRobot:
     promise: receives the seconds within which a motion that begins now has ended
     patience, grace: time limit of a motion: `patience` times the duration of its way, plus `grace` seconds
     connecting: seconds that the connection may take
+    stopped: stop that holds until the robot is re-armed; None if there is none
 
     Every motion raises RobotStopped if a person must re-arm the robot first, and ZeroUnknown while the machine does not
     know where it is. The time limits follow the speeds that its controller told. A motion is not overdue while the
@@ -92,7 +93,7 @@ class GuardedRobot:
         self._patience, self._grace, self._connecting = patience, grace, connecting
         self._caller = Caller("robot")
         self._lock = threading.RLock()  # reentrant: a signal handler may stop the robot while the lock is held
-        self._stop: StopRecord | None = latch.read()
+        self.stopped: StopRecord | None = latch.read()
         self._stopped_at = steady()
         self._asked = False
         self._latching: threading.Thread | None = None
@@ -106,11 +107,6 @@ class GuardedRobot:
     def moving(self) -> bool:
         """True while a motion is in progress."""
         return self._moving.is_set()
-
-    @property
-    def stopped(self) -> StopRecord | None:
-        """Stop that holds until the robot is re-armed; None if there is none."""
-        return self._stop
 
     def connect(self) -> None:
         """Connects to the robot and reads its position.
@@ -136,7 +132,7 @@ class GuardedRobot:
         try:
             self._claim(identity)
             self.latch.machines |= {identity}
-            self._stop = self._stop or self.latch.read()
+            self.stopped = self.stopped or self.latch.read()
             self._require_armed("connect")
         except RobotError:
             self.close()
@@ -300,9 +296,9 @@ class GuardedRobot:
         asked: True if a person asked for the stop, for RobotStopped
         """
         with self._lock:
-            first = self._stop is None
+            first = self.stopped is None
             if first:
-                self._stop, self._stopped_at = StopRecord(self.latch.easel, reason, time.time()), steady()
+                self.stopped, self._stopped_at = StopRecord(self.latch.easel, reason, time.time()), steady()
                 self._asked = asked
         sending = threading.Thread(target=self._send_stop, daemon=True)
         sending.start()
@@ -325,10 +321,10 @@ class GuardedRobot:
 
     def _latch(self, reason: str) -> None:
         try:
-            self._stop = self.latch.engage(reason)
+            self.stopped = self.latch.engage(reason)
         except Exception as failure:  # whatever it is, a person must know that the stop ends with this process
             unkept = f"{reason.rstrip('.')}; it could not be stored, and holds only until this program ends"
-            self._stop = StopRecord(self.latch.easel, f"{unkept} ({one_line(failure)})", time.time())
+            self.stopped = StopRecord(self.latch.easel, f"{unkept} ({one_line(failure)})", time.time())
 
     def _lift_first(self) -> None:
         """Raises a low brush vertically, once after connection: it may stand on the canvas or in a well."""
@@ -364,7 +360,7 @@ class GuardedRobot:
         except (WorkspaceViolation, RobotBusy, ZeroUnknown):
             raise  # refused before anything moved
         except FridaError as fault:
-            by_person = self._stop
+            by_person = self.stopped
             self.stop(str(fault))
             if by_person is not None:
                 raise self._refusal(label) from fault
@@ -377,7 +373,7 @@ class GuardedRobot:
         began = steady()
 
         def until() -> float:
-            if self._moving.is_set() and self._stop is not None:
+            if self._moving.is_set() and self.stopped is not None:
                 return min(began + within, self._stopped_at + _WIND_DOWN)
             if self._moving.is_set():  # a machine that moves, or that a person holds, is not lost
                 return max(began + within, self.alive_at() + self._grace)
@@ -402,13 +398,13 @@ class GuardedRobot:
             )
 
     def _require_armed(self, label: str) -> None:
-        if self._stop is not None:
+        if self.stopped is not None:
             raise self._refusal(label)
 
     def _refusal(self, label: str) -> RobotStopped:
-        assert self._stop is not None
-        why = self._stop.reason.rstrip(".")
-        told = f"{label}: nothing moves, {self._stop.easel} was stopped ({why}); {self.latch.remedy}"
+        assert self.stopped is not None
+        why = self.stopped.reason.rstrip(".")
+        told = f"{label}: nothing moves, {self.stopped.easel} was stopped ({why}); {self.latch.remedy}"
         return RobotStopped(told, asked=self._asked)
 
 

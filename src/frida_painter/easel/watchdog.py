@@ -312,23 +312,19 @@ class Pulse:
 
     gone: set when the other end is closed, after `vanished`
     ended: True if the other process had closed everything before
+    silent: seconds since the last byte of the watch; time in which this process did not run hardly counts
     """
 
     def __init__(self, line: socket.socket, vanished: Callable[[bool], None] = lambda held: None) -> None:
         self._line, self._vanished = line, vanished
         self._line.setblocking(False)
-        self._silent, self._stopped, self.ended = 0.0, False, False
+        self.silent, self._stopped, self.ended = 0.0, False, False
         self.gone = threading.Event()
         self._over = threading.Event()
         self._rest, self._files = b"", list[int]()
         self._lent: StopLine | None = None
         self._thread = threading.Thread(target=self._keep, name="heartbeat", daemon=True)
         self._thread.start()
-
-    @property
-    def silent(self) -> float:
-        """Seconds since the last byte of the watch. Time in which this process did not run hardly counts."""
-        return self._silent
 
     @property
     def stopped(self) -> bool:
@@ -356,7 +352,7 @@ class Pulse:
                 sent = steady()
             heard = self._hear()
             now = steady()
-            self._silent = 0.0 if heard else self._silent + min(now - looked, 2 * BEAT_EVERY)
+            self.silent = 0.0 if heard else self.silent + min(now - looked, 2 * BEAT_EVERY)
             looked = now
             if self.gone.is_set():
                 return
