@@ -61,6 +61,21 @@ def test_a_dip_and_a_change_have_their_lines_first(tmp_path: Path) -> None:
     assert "M62" not in " ".join(line for _, line in language.lines(stroke(0.1)))
 
 
+@pytest.mark.parametrize(
+    ("low", "high", "speed"),
+    [
+        ((0.1, 1), (0.1, 2), 0.05),
+        ((0.0, float("nan")), (0.1, 2), 0.05),
+        ((0.0, -1), (0.1, 2), 0.05),
+        ((0.0, 1), (0.1, -2), 0.05),
+        ((0.0, 1), (0.1, 2), 0.0),
+    ],
+)
+def test_a_servo_that_cannot_be_is_refused(low: tuple[float, float], high: tuple[float, float], speed: float) -> None:
+    with pytest.raises(ConfigError):
+        Servo(low, high, speed)
+
+
 def test_a_brush_is_raised_in_one_way_only(tmp_path: Path) -> None:
     own = read_own(written(tmp_path, SOLENOID), WORKSPACE)
     with pytest.raises(ConfigError, match="by a servo and by G-code of one's own"):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from frida_painter import registry
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware import preset as presets_module
 from frida_painter.hardware.kinds import MachineName, RobotKind
@@ -124,3 +125,21 @@ def test_a_file_of_own_lines_is_found_beside_its_preset(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(text)
     monkeypatch.chdir("/")
     assert f"own={tmp_path / 'own.toml'}" in find_preset(str(tmp_path / "mine.toml")).robot_name("/dev/ttyUSB0")
+
+
+def test_a_canvas_is_marked_by_three_corners_or_by_two_if_its_size_is_known():
+    layout = Layout.propose(OURS["idraw"])
+    left, right, _, top = layout.corners().values()
+    size = layout.canvas
+    for found in (layout.with_canvas(left, right, top), layout.with_canvas(left, right, None, size)):
+        assert (found.canvas.width, found.canvas.height) == pytest.approx((size.width, size.height))
+        assert found.turn == pytest.approx(0) and found.corner == left
+    leaning = (top[0] + 0.02 * size.height + 0.01, top[1], top[2])
+    for corners, known, says in (
+        ((left, left, top), None, "lower corners are 0.0 mm apart"),
+        ((left, right, leaning), None, "a canvas has right angles"),
+        ((left, right, None), CanvasSize(size.width + 0.0031, size.height), "The lower edge was marked"),
+        ((left, right, top), CanvasSize(size.width, size.height - 0.0031), "The left edge was marked"),
+    ):
+        with pytest.raises(ConfigError, match=says):
+            layout.with_canvas(*corners, known)
