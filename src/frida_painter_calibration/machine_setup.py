@@ -26,8 +26,7 @@ from frida_painter.easel.kinds import NO_CAMERA, state_folder
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import CalibrationError, ConfigError, Interrupted, RobotDisconnected
-from frida_painter.hardware.layout import Layout
-from frida_painter.hardware.preset import Preset, find_preset, presets
+from frida_painter.hardware.preset import Layout, Preset, find_preset, presets
 from frida_painter.hardware.robot import Feeler, Robot, Workspace
 from frida_painter.report.sheets import workspace_plan
 from frida_painter.session.events import Remark
@@ -334,7 +333,7 @@ class MachineSetup:
         Raises RobotStopped if a person must arm it first, RobotBusy, RobotError and its subclasses, ConfigError.
         """
         draft, state = self.folder / _DRAFT, self.state
-        storage.write_text(draft, state.layout.draft())
+        storage.write_text(draft, state.layout.toml(draft=True))
         order = EaselOrder(
             robot=self.robot,
             canvas=state.layout.canvas,

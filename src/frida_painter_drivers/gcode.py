@@ -271,7 +271,7 @@ class GrblRobot(GcodeRobot):
         started = time.monotonic()
         self._require_way(Waypoints("touch", np.array([[*self.pose()[:2], lowest]]), speed))
         own, firmware = self.gcode.own, self._ready("touch")
-        if not self._begun and own is not None and own.lines_at.get("start"):
+        if not self._begun and own is not None and own.start:
             raise MotionFailed("touch: the lines for the start were not sent yet, and they may move the brush; move it "
                                "above the place first. It did not move.")  # fmt: skip
         assert isinstance(firmware, Grbl)

@@ -172,7 +172,7 @@ def test_a_machine_whose_easels_process_was_killed_is_held_and_latched(
     with machine() as played:
         order = order_of(played, tmp_path)
         error, gone = kill_in_motion(played, order)
-        assert (error.held, error.latched) == (True, True)
+        assert (error.held, error.latched) == (True, True) and "signal 9" in str(error)
         assert gone < 0.05, "the way was 12 cm"
         with EaselProcess() as process, pytest.raises(RobotStopped):
             process.open(order)
@@ -250,5 +250,6 @@ def test_a_process_that_is_told_to_end_stops_its_machine_itself(tmp_path: Path) 
             with in_motion(easel, played, process._process.terminate):
                 pass
         assert not isinstance(ended.value, RobotAbandoned) and played.heard()
+        assert process._process.poll() == 128 + signal.SIGTERM
         (latch,) = latches(order.state)
         assert "SIGTERM" in latch.read().reason

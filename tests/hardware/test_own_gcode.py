@@ -47,7 +47,7 @@ def test_the_lines_stand_for_axis_and_servo(tmp_path: Path) -> None:
 
 
 def test_lines_that_raise_the_brush_know_the_place_of_the_tip() -> None:
-    own = OwnGcode({"lift": ("G0 X{x} Y{y} Z5",), "lower": ("G0 X{x} Y{y} Z0",)}, 0.02)
+    own = OwnGcode(lift=("G0 X{x} Y{y} Z5",), lower=("G0 X{x} Y{y} Z0",), down_below=0.02)
     assert list(Gcode(own=own).rise(0.05, (0.1, 0.2))) == ["G0 X100.000 Y200.000 Z5"]
     assert list(Gcode(own=own).rise(0.01, (0.1, 0.2))) == ["G0 X100.000 Y200.000 Z0"]
 
@@ -146,10 +146,8 @@ def test_lines_within_the_workspace_pass(tmp_path: Path, text: str) -> None:
 
 @given(st.floats(-9, 9), st.floats(-9, 9), st.floats(-9, 9), st.floats(0.0001, 1), st.text(max_size=60))
 def test_no_line_ever_becomes_longer_than_a_machine_reads(x: float, y: float, z: float, feed: float, name: str) -> None:
-    own = OwnGcode(
-        {"lift": ("G1 X{x} Y{y} Z{z} F{feed} ; back to the top of it",), "lower": ("M3",), "change": ("T1 ({brush})",)},
-        0.0,
-    )
+    lift = ("G1 X{x} Y{y} Z{z} F{feed} ; back to the top of it",)
+    own = OwnGcode(lift=lift, lower=("M3",), change=("T1 ({brush})",), down_below=0.0)
     lines = [*own.at("lift", x=x, y=y, z=z, feed=feed), *own.at("change", brush=name)]
     assert all(len(line) <= MAX_LINE and line.isascii() and line.isprintable() for line in lines)
     assert ")" not in lines[1][:-1] and "(" not in lines[1][4:]

@@ -13,8 +13,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware import preset as presets_module
 from frida_painter.hardware.kinds import MachineName, RobotKind
-from frida_painter.hardware.layout import Layout
-from frida_painter.hardware.preset import Preset, find_preset, presets, read_preset
+from frida_painter.hardware.preset import Layout, Preset, find_preset, presets, read_preset
 from frida_painter.hardware.robot import Reach
 
 FOLDER = Path(str(resources.files("frida_painter.hardware") / "presets"))

@@ -131,6 +131,9 @@ def test_a_servo_lowers_the_brush_step_by_step_and_lifts_it_at_once_unless_a_spe
     assert servo.steps(0.0, 0.004) == [(0.004, pytest.approx(0.08))]
     assert ServoTiming(0.05, lift=0.1).steps(0.0, 0.002) == [pytest.approx((z, 0.01)) for z in (0.001, 0.002)]
     assert servo.seconds(0.004, 0.0) == pytest.approx(0.084)
+    machine = AxisTiming((0.1,) * 3, (1.0,) * 3, servo=servo)
+    path = np.array([(0, 0, 0.01), (0.05, 0, 0.01), (0.05, 0, 0.0), (0.1, 0, 0.0)])
+    assert machine.seconds(path, np.full(3, 0.2)) == pytest.approx(0.6 + 0.21 + 0.6), "it stands while it is lowered"
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,7 @@ from frida_painter.easel.dialogue import Answer, Confirm, SetupQuestion, lead
 from frida_painter.easel.operator import AbsentOperator
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.layout import Layout
-from frida_painter.hardware.preset import find_preset
+from frida_painter.hardware.preset import Layout, find_preset
 from frida_painter.hardware.robot import Waypoints
 from frida_painter_calibration.machine_setup import SetupOrder, lead_setup
 from frida_painter_calibration.procedures.workspace import Bench, try_lift

@@ -156,8 +156,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         stack.callback(opened.close)
         easel = opened.easel
         simulated, known_as = is_simulated(order.robot), easel.calibration.easel
-        # The speed of a simulated robot depends on the computer, which may be busy or asleep. A person can always stop
-        # it.
+        # A simulated robot is as slow as the computer, which may be busy or asleep. A person can always stop it.
         patience: dict[str, float] = {"grace": math.inf, "connecting": math.inf} if simulated else {}
         robot = GuardedRobot(
             easel.robot,

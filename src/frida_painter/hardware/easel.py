@@ -109,10 +109,6 @@ class PersonCanvas(Protocol):
         """Paints a person's stroke, unless one of that number is there already. Raises ConfigError."""
 
 
-def _unheard(motions: Sequence[Waypoints]) -> None:
-    """Ignores the next motions: a robot need not know them."""
-
-
 @dataclass(frozen=True)
 class Easel:
     """Easel: everything that differs between a virtual and a real painting.
@@ -141,7 +137,7 @@ class Easel:
     simulated: bool = False
     has_camera: bool = True
     pace: float = 1.0
-    foretell: Callable[[Sequence[Waypoints]], None] = _unheard
+    foretell: Callable[[Sequence[Waypoints]], None] = lambda motions: None
     person_brushes: tuple[PersonBrush, ...] = ()
 
     @property

@@ -11,7 +11,7 @@ import string
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, NoReturn, Self
+from typing import Annotated, Any, NoReturn, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -46,7 +46,16 @@ Text = Annotated[str, Field(strict=True)]
 Lines = Annotated[tuple[Text, ...], Field(max_length=MAX_OWN_LINES)]
 
 
-class _File(BaseModel):
+class OwnGcode(BaseModel):
+    """Lines of a person's own with fields in braces, by event.
+
+    down_below: robot z in metres below which the brush is down, if `lift` and `lower` replace axis or servo
+
+    start and end come once. lift and lower raise and lower the brush instead of an axis or a servo. dip comes before a
+    dip, or instead of the pause for it. change comes before a change of the brush, or instead of the pause for it.
+    Raises ConfigError if a field is unknown, or if a line is too long or could be obeyed in another way.
+    """
+
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     start: Lines = ()
@@ -57,32 +66,12 @@ class _File(BaseModel):
     change: Lines = ()
     down_below: Annotated[float, Field(strict=True, ge=-10, le=10, allow_inf_nan=False)] | None = None
 
-
-@dataclass(frozen=True)
-class OwnGcode:
-    """Lines of a person's own, by event.
-
-    lines_at: for each event of `EVENTS` the lines with fields in braces; an event without lines is left out
-    down_below: robot z in metres below which the brush is down, if `lift` and `lower` replace axis or servo
-
-    start and end come once. lift and lower raise and lower the brush instead of an axis or a servo. dip comes before a
-    dip, or instead of the pause for it. change comes before a change of the brush, or instead of the pause for it.
-    Raises ConfigError if a field is unknown, or if a line is too long or could be obeyed in another way.
-    """
-
-    lines_at: Mapping[str, tuple[str, ...]]
-    down_below: float | None = None
-
-    def __post_init__(self) -> None:
-        for event, lines in self.lines_at.items():
-            if event not in EVENTS:
-                raise ConfigError(
-                    f"G-code of one's own at {event[:40]!r} was given; the events are {', '.join(EVENTS)}."
-                )
-            for line in lines:
+    def model_post_init(self, context: Any) -> None:
+        """Checks the lines one by one, and that those of a lift are complete."""
+        for event in EVENTS:
+            for line in getattr(self, event):
                 _require_sound(event, line)
-        lifts = [event for event in ("lift", "lower") if self.lines_at.get(event)]
-        if len(lifts) == 1 or (bool(lifts) != (self.down_below is not None)):
+        if not bool(self.lift) == bool(self.lower) == (self.down_below is not None):
             raise ConfigError(
                 "lift, lower and down_below belong together: lines that raise the brush, lines that lower it, and the "
                 "height in metres below which it is down; give all three or none."
@@ -96,21 +85,17 @@ class OwnGcode:
     def at(self, event: str, **fields: float | str) -> Iterator[str]:
         """Yields the lines of an event with its fields filled in: metres and m/s become mm and mm/min."""
         told = {name: _filled_in(name, value) for name, value in fields.items()}
-        return (line.format(**told) for line in self.lines_at.get(event, ()))
-
-    def has(self, event: str) -> bool:
-        """Returns True if the event has lines."""
-        return bool(self.lines_at.get(event))
+        return (line.format(**told) for line in getattr(self, event))
 
     def _require_within(self, lower: Point, upper: Point) -> None:
         """Raises ConfigError unless all motion that can be read stays between two corners (m) of the workspace."""
         box = {axis: (1000 * low, 1000 * high) for axis, low, high in zip("XYZ", lower, upper, strict=True)}
-        for event, lines in self.lines_at.items():
+        for event, fields in EVENTS.items():
             for corner in (0, 1):  # a field may be anywhere in the workspace
                 place = {axis: box[axis][corner] for axis in box}
                 known = {"feed": "100", "well": "1", "brush": "b"}
                 known |= {axis.lower(): f"{millimetres:.3f}" for axis, millimetres in place.items()}
-                filled = [line.format(**{name: known[name] for name in EVENTS[event]}) for line in lines]
+                filled = [line.format(**{name: known[name] for name in fields}) for line in getattr(self, event)]
                 _require_inside(event, filled, box, place if event in ("lift", "lower") else {})
 
 
@@ -123,8 +108,7 @@ def read_own(path: Path | None, workspace: Workspace) -> OwnGcode | None:
         return None
     values = storage.read_toml(path, "G-code of one's own (TOML)", _MAX_BYTES, _ADVICE)
     try:
-        read = _File.model_validate(values)
-        own = OwnGcode({event: getattr(read, event) for event in EVENTS if getattr(read, event)}, read.down_below)
+        own = OwnGcode.model_validate(values)
         own._require_within(workspace.lower, workspace.upper)
     except ValidationError as error:
         fault = error.errors()[0]

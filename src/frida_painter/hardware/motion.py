@@ -103,7 +103,8 @@ class Motion:
                 f"The rack has no brush {brush[:40]!r}; it has {there}: add it to [rack], or give one of these."
             )
         place, front = rack.places[brush], rack.front(brush)
-        way = self._way(f"take the {brush} brush", self._above(place), self._clear_of(place), place, front)
+        clear = place[0], place[1], place[2] + rack.lift
+        way = self._way(f"take the {brush} brush", self._above(place), clear, place, front)
         return replace(way, cue=("change", brush))
 
     def put_back(self, brush: str) -> Waypoints:
@@ -127,9 +128,6 @@ class Motion:
 
     def _above(self, place: Point) -> Point:
         return place[0], place[1], self.travel_height
-
-    def _clear_of(self, place: Point) -> Point:
-        return place[0], place[1], place[2] + self._rack.lift
 
     def _way(self, label: str, *places: Point) -> Waypoints:
         """Returns a path through the places at painting speed, and up at the end."""

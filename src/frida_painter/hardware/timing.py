@@ -159,7 +159,8 @@ class ServoTiming:
         far = abs(height - before)
         speed = (self.lower or self.speed) if height < before else self.lift
         count = 1 if speed is None else max(math.ceil(far / _LANDING - 1e-9), 1)
-        wait = self._wait(max(far / count / (speed or self.speed), 0.0 if count > 1 else 0.01))
+        seconds = max(far / count / (speed or self.speed), 0.0 if count > 1 else 0.01)
+        wait = math.ceil(seconds / self.tick - 1e-6) * self.tick
         return [(before + (height - before) * k / count if k < count else height, wait) for k in range(1, count + 1)]
 
     def seconds(self, before: float, height: float) -> float:
@@ -169,9 +170,6 @@ class ServoTiming:
     def changes(self, height: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Returns for heights [k] in metres between which of them [k - 1] the servo is set anew."""
         return np.asarray(np.diff(np.rint((height - self.base) / self.level)) != 0)
-
-    def _wait(self, seconds: float) -> float:
-        return math.ceil(seconds / self.tick - 1e-6) * self.tick
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from frida_painter.easel.dialogue import Answer, Choose, Confirm, Guide, GuideMo
 from frida_painter.errors import CalibrationError, ConfigError, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
-from frida_painter.hardware.layout import Layout
 from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.preset import Layout
 from frida_painter.hardware.robot import Feeler, Point, Sense, Waypoints, ZeroedRobot
 from frida_painter.session.outline import plan_outlines
 from frida_painter.strokes import Strokes

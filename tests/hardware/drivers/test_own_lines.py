@@ -56,17 +56,10 @@ def test_a_probe_that_may_not_go_so_deep_is_refused_before_it_moves(
 
 OWN = {
     "grbl": OwnGcode(
-        {
-            "start": ("M8",), "end": ("M9",), "lift": ("M5",), "lower": ("M3 S{z}",), "dip": ("G4 P0.{well}",),
-        },
-        0.02,
+        start=("M8",), end=("M9",), lift=("M5",), lower=("M3 S{z}",), dip=("G4 P0.{well}",), down_below=0.02,
     ),
     "marlin": OwnGcode(
-        {
-            "start": ("M75",), "end": ("M220 S100",), "lift": ("M105",), "lower": ("M220 S{z}",),
-            "dip": ("G4 P{well}",),
-        },
-        0.02,
+        start=("M75",), end=("M220 S100",), lift=("M105",), lower=("M220 S{z}",), dip=("G4 P{well}",), down_below=0.02,
     ),
 }  # fmt: skip
 WAY = ["G1 X100.000 Y50.000 F12000", "G1 X120.000 Y50.000 F3000"]
