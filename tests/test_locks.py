@@ -16,7 +16,7 @@ from frida_painter_lab import runs
 from frida_painter_lab.runs import RunFolder
 from frida_painter_lab.sweeps.sweep_folder import SweepFolder
 from frida_painter_studio import network
-from frida_painter_studio.network import WebAppLock
+from frida_painter_studio.network import share_lock
 from frida_painter_studio.studio_folder import PaintingFolder, WorkerLock
 from test_house import SOURCES, place_of
 
@@ -50,7 +50,7 @@ def begin_journal(folder: Path) -> None:
     [
         ("feed", begin_feed),
         ("journal", begin_journal),
-        (".studio", lambda folder: WebAppLock(folder).share()),
+        (".studio", share_lock),
         ("runs/key/.lock", lambda folder: enter(RunFolder(folder, "key"))),
         (".lock", lambda folder: enter(SweepFolder(folder))),
     ],

@@ -6,7 +6,6 @@ have waited longest for a request are cut.
 
 import asyncio
 import contextlib
-import os
 import resource
 import socket
 import ssl
@@ -174,37 +173,23 @@ def most_connections() -> int:
     return _MAX if files == resource.RLIM_INFINITY else max(16, min(_MAX, files // 2))
 
 
-# Locks on a studio's folder, held by each open studio and by the one listener for stops.
-
+STUDIO_LOCK = ".studio"
+"""Lock file in a studio's folder that all open studios share; a listener for stops takes it alone before it ends."""
 _ENDS_WITHIN = 5.0  # seconds
 
 
-class WebAppLock:
-    """Lock that all open studios of a folder share; a listener for stops takes it alone before it ends."""
+def share_lock(folder: Path) -> int:
+    """Takes the lock of the open studios of a folder, once a listener that has it alone has ended; returns its file.
 
-    def __init__(self, folder: Path, name: str = ".studio") -> None:
-        self._path = folder / name
-        self._file = locks.open_lock(self._path)
-
-    def share(self) -> None:
-        """Takes the lock together with others, once a listener that has it alone has ended. Raises StorageError."""
-        if not locks.take(self._file, _ENDS_WITHIN, shared=True):
-            raise StorageError(
-                f"{self._path} is locked by another process, which does not let go; end that process, or choose "
-                "another folder with --folder."
-            )
-
-    def take_alone(self) -> bool:
-        """Takes the lock alone; returns True if nobody else held it."""
-        return locks.take(self._file)
-
-    def fileno(self) -> int:
-        """Returns the descriptor for a child process that is to hold the lock too."""
-        return self._file
-
-    def release(self) -> None:
-        """Releases the lock of this process; a child that holds it too keeps it until its end."""
-        os.close(self._file)
+    Raises StorageError.
+    """
+    lock = locks.open_lock(folder / STUDIO_LOCK)
+    if not locks.take(lock, _ENDS_WITHIN, shared=True):
+        raise StorageError(
+            f"{folder / STUDIO_LOCK} is locked by another process, which does not let go; end that process, or choose "
+            "another folder with --folder."
+        )
+    return lock
 
 
 # Limits of requests: bytes, time and rate, so that heavy use does not disturb the easel.

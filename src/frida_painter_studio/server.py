@@ -24,7 +24,7 @@ from starlette.types import ASGIApp
 from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped, StorageError
 from frida_painter_studio.commands import Role
-from frida_painter_studio.network import Certificate, Connections, Limits, WaitingProtocol, WebAppLock, most_connections
+from frida_painter_studio.network import Certificate, Connections, Limits, WaitingProtocol, most_connections, share_lock
 from frida_painter_studio.picture_choosing import AllowedMakers
 from frida_painter_studio.routes import all_routes
 from frida_painter_studio.security import AuthMiddleware, Keys, Led, Presence, refuse
@@ -231,7 +231,7 @@ def serve(
     Raises ConfigError and StorageError.
     """
     address, port = listening.getsockname()[:2]
-    WebAppLock(store.root).share()
+    share_lock(store.root)
     called = names_of(address, names)
     stop = StopProcess(
         store.root, lambda wanted: listen(address, wanted), called, stop_port or min(port + 1, 65535), certificate

@@ -27,14 +27,14 @@ from starlette.responses import JSONResponse
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
-from frida_painter import python_process, storage
+from frida_painter import locks, python_process, storage
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter_studio.commands import Role
 from frida_painter_studio.network import (
+    STUDIO_LOCK,
     Certificate,
     Connections,
     WaitingProtocol,
-    WebAppLock,
     most_connections,
     read_body,
 )
@@ -104,11 +104,12 @@ async def serve(root: Path, port: socket.socket, line: socket.socket, config: di
     )
     local = await asyncio.start_unix_server(stops.answer, sock=line)
     accepting = asyncio.create_task(listening.accept())
+    studios = locks.open_lock(root / STUDIO_LOCK)
     async with local:
         while not accepting.done():
             await asyncio.sleep(_BETWEEN_LOOKS)
             # Alone, if no studio is open and no worker works; no studio can then open before this process ends.
-            if await asyncio.to_thread(lambda: not find_work(root) and WebAppLock(root).take_alone()):
+            if await asyncio.to_thread(lambda: not find_work(root) and locks.take(studios)):
                 return
 
 
@@ -143,13 +144,13 @@ class StopProcess:
         """Starts a listener, unless a running one has the same settings. Raises ConfigError, StorageError."""
         files = self.certificate and [str(self.certificate.certificate), str(self.certificate.key)]
         config: dict[str, Any] = {"names": sorted(self.names), "certificate": files}
-        lock = WebAppLock(self.root, _LOCK)
+        lock = locks.open_lock(self.root / _LOCK)
         try:
             before: dict[str, Any] = {}
             with contextlib.suppress(StorageError):  # there was no listener
                 before = storage.read_json(self.root / _FILE, "where stops are listened to")
             port = int(before.get("port", 0))
-            if not lock.take_alone():
+            if not locks.take(lock):
                 if port and before == config | {"port": port}:
                     self.port = port
                     return
@@ -158,7 +159,7 @@ class StopProcess:
         except OSError as error:
             raise StorageError(f"The listener for stops cannot be started ({error.strerror}).") from error
         finally:
-            lock.release()
+            os.close(lock)
 
     def secret(self, role: Role) -> str:
         """Returns the secret for stops of a page of that role. Raises StorageError."""
@@ -175,16 +176,16 @@ class StopProcess:
             with contextlib.suppress(ConfigError, StorageError):
                 await asyncio.to_thread(self.start)
 
-    def _end_other(self, lock: WebAppLock) -> None:
+    def _end_other(self, lock: int) -> None:
         with contextlib.suppress(OSError), call(self.root) as line:
             line.sendall(f"{END}\n".encode())
         until = time.monotonic() + _ENDING
-        while not lock.take_alone():
+        while not locks.take(lock):
             if time.monotonic() > until:
                 raise StorageError("Another studio in this folder listens for stops, and does not give way; close it.")
             time.sleep(0.02)
 
-    def _launch(self, lock: WebAppLock, config: dict[str, Any], wanted: int) -> None:
+    def _launch(self, lock: int, config: dict[str, Any], wanted: int) -> None:
         try:
             port = self.listen(wanted)
         except ConfigError:
@@ -192,7 +193,7 @@ class StopProcess:
         with port, listen_locally(self.root) as line, (self.root / "stop.log").open("ab") as log:
             self.port = port.getsockname()[1]
             storage.write_json(self.root / _FILE, {**config, "port": self.port})
-            inherited = [port.fileno(), line.fileno(), lock.fileno()]
+            inherited = [port.fileno(), line.fileno(), lock]
             self._process = python_process.start(
                 "-m", "frida_painter_studio.stop_listener", self.root, *inherited, json.dumps(config),
                 pass_fds=inherited, start_new_session=True, stdout=log, stderr=log,
