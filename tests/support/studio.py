@@ -3,6 +3,8 @@
 import re
 import secrets
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from frida_painter_studio.picture_choosing import AllowedMakers
 from frida_painter_studio.security import Keys, Presence
 from frida_painter_studio.server import add_middleware, application
 from frida_painter_studio.store import PaintingStore
+from frida_painter_studio.studio_folder import PaintingFolder, WorkerLock
 from frida_painter_studio.web_app_easel import WebAppEasel
 
 HOST = "127.0.0.1:8350"
@@ -40,6 +43,15 @@ class Visitor:
 def order() -> dict[str, str]:
     """What every order carries: a number of its own, and when it was given."""
     return {"X-Nonce": secrets.token_hex(16), "X-Given": str(time.time())}
+
+
+@contextmanager
+def locked(folder: PaintingFolder) -> Iterator[WorkerLock]:
+    """Somebody is at work in a folder."""
+    lock = WorkerLock(folder)
+    assert lock.take()
+    yield lock
+    lock.release()
 
 
 class Studio:

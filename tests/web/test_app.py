@@ -6,8 +6,8 @@ import shutil
 import sqlite3
 import time
 import zipfile
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import closing
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -24,11 +24,11 @@ from frida_painter.session.events import PaintingKept, Stopped, TakenUp
 from frida_painter_studio.commands import Role
 from frida_painter_studio.routes import SentFile, zip_folder
 from frida_painter_studio.store import Entry
-from frida_painter_studio.studio_folder import Feed, WorkerLock
+from frida_painter_studio.studio_folder import Feed
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import PaintingQueue, Workers, WorkerSlot
 from plugins import install
-from support.studio import Studio, Visitor
+from support.studio import Studio, Visitor, locked
 
 PICTURE = "a" * 32
 
@@ -79,15 +79,6 @@ def audit_records(studio: Studio) -> list[str]:
     """What was asked for, in order."""
     with closing(sqlite3.connect(studio.store.root / "studio.sqlite")) as base:
         return [what for (what,) in base.execute("SELECT what FROM deed ORDER BY rowid")]
-
-
-@contextmanager
-def locked(entry: Entry) -> Iterator[WorkerLock]:
-    """Somebody is at work on a painting."""
-    lock = WorkerLock(entry.folder)
-    assert lock.take()
-    yield lock
-    lock.release()
 
 
 def finish_plan(entry: Entry) -> None:
@@ -183,7 +174,7 @@ def test_the_robot_starts_only_when_the_person_says_that_all_is_ready(
     assert "not finished" in visitor.post(path, json={"plan": 1, "ready": True}).json()["sentence"]
     finish_plan(entry)
     assert "ready" in visitor.post(path, json={"plan": 1, "ready": False}).json()["sentence"]
-    with locked(entry):  # two clicks at once start one painter
+    with locked(entry.folder):  # two clicks at once start one painter
         answer = visitor.post(path, json={"plan": 1, "ready": True})
         assert answer.status_code == 409 and "already" in answer.json()["sentence"]
         assert visitor.post(f"/api/paintings/{entry.id}/delete").status_code == 409
@@ -197,7 +188,7 @@ def test_the_robot_starts_only_when_the_person_says_that_all_is_ready(
 def test_stop_reaches_those_who_work_and_is_put_down(studio: Studio, visitor: Visitor, started: Any) -> None:
     entry, other = begun(studio, visitor), begun(studio, visitor)
     assert visitor.post("/api/stop").json() == {"stopped": 0, "heard": 0}
-    with locked(entry):
+    with locked(entry.folder):
         assert visitor.post("/api/stop").json() == {"stopped": 1, "heard": 0}
         assert entry.folder.stop.exists() and not other.folder.stop.exists()
         assert not entry.folder.robot_stop.exists(), "nothing is painted yet"
@@ -210,7 +201,7 @@ def test_who_asked_for_what_and_when_is_kept_for_good(studio: Studio, visitor: V
     path = f"/api/paintings/{entry.id}"
     assert visitor.post(f"{path}/start", json={"plan": 1, "ready": True}).status_code == 200
     entry.folder.painting.mkdir()
-    with locked(entry):
+    with locked(entry.folder):
         assert visitor.post(f"{path}/say", json={"kind": "pause"}).status_code == 200
         region = {"kind": "protect", "picture": PICTURE, "only": True}
         assert visitor.post(f"{path}/say", json=region).status_code == 200
@@ -348,7 +339,7 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     assert started[-1] == ("resume", 1)
     assert not entry.folder.stop.exists() and not entry.folder.robot_stop.exists()
     feed.tell(TakenUp(2))
-    with locked(entry):
+    with locked(entry.folder):
         assert visitor.get(path).json()["painting"]["status"] == "preparing"
         feed.tell(PaintingKept(film=False))
     assert "finished" in visitor.post(f"{path}/resume").json()["sentence"]
@@ -370,16 +361,14 @@ def test_a_folder_that_is_deleted_while_it_is_painted_is_told_the_same_everywher
     studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
 ) -> None:
     entry = start_painting(visitor, begun(studio, visitor))
-    lock = WorkerLock(entry.folder)
-    assert lock.take()
-    shutil.rmtree(entry.folder.path)
-    again = Studio(studio.store.root).visitor()  # a studio that is opened again knows it as well
-    for each in (visitor, again):
-        assert set(said_of(each, entry).values()) == {("lost", True)}
-        assert "press Stop" in each.get(f"/api/paintings/{entry.id}").json()["trouble"]
-    assert visitor.post("/api/stop").json()["stopped"] == 1
-    assert visitor.post(f"/api/paintings/{entry.id}/delete").status_code == 409
-    lock.release()
+    with locked(entry.folder):
+        shutil.rmtree(entry.folder.path)
+        again = Studio(studio.store.root).visitor()  # a studio that is opened again knows it as well
+        for each in (visitor, again):
+            assert set(said_of(each, entry).values()) == {("lost", True)}
+            assert "press Stop" in each.get(f"/api/paintings/{entry.id}").json()["trouble"]
+        assert visitor.post("/api/stop").json()["stopped"] == 1
+        assert visitor.post(f"/api/paintings/{entry.id}/delete").status_code == 409
     for each in (visitor, again):
         assert set(said_of(each, entry).values()) == {("lost", False)}
     assert visitor.post(f"/api/paintings/{entry.id}/resume").status_code == 409
@@ -393,7 +382,7 @@ def test_one_browser_leads_only_while_something_may_move(studio: Studio, started
     first, second = studio.visitor(), studio.visitor()
     entry = start_painting(first, begun(studio, first))
     say, pause = f"/api/paintings/{entry.id}/say", {"kind": "pause"}
-    with locked(entry) as lock:
+    with locked(entry.folder) as lock:
         assert first.post(say, json=pause).status_code == 200
         refused = second.post(say, json=pause)
         assert refused.status_code == 409 and refused.json()["led"]

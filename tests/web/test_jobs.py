@@ -28,12 +28,12 @@ from frida_painter_studio.jobs import (
     Teaching,
 )
 from frida_painter_studio.painting_state import Truth
-from frida_painter_studio.studio_folder import Feed, WorkerLock
+from frida_painter_studio.studio_folder import Feed
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import WorkerSlot
 from machines.grbl import router
 from machines.simulated_time import Living
-from support.studio import Studio, order
+from support.studio import Studio, locked, order
 
 PATIENCE = 60.0  # seconds
 QUESTION = {"id": "f" * 16, "kind": "confirm", "text": "Is it so?", "proposal": True}
@@ -130,25 +130,21 @@ def test_questions_are_answered_by_whoever_leads(tmp_path: Path, started: list[s
     assert visitor.get("/api/calibration/files/..%2fasked.json").status_code == 404
     answer = {"question": QUESTION["id"], "yes": True}
     assert visitor.post("/api/calibration/answer", json=answer).status_code == 409, "nobody waits for it"
-    lock = WorkerLock(folder)
-    assert lock.take()
-    assert visitor.get("/api/calibration").json()["question"] == QUESTION
-    assert visitor.post("/api/calibration/answer", json={**answer, "question": "0" * 16}).status_code == 409
-    assert visitor.post("/api/calibration/answer", json={"question": QUESTION["id"]}).status_code == 422
-    assert visitor.post("/api/calibration/answer", json=answer).status_code == 200
-    second = studio.visitor().post("/api/calibration/answer", json=answer)
-    assert second.status_code == 409 and second.json()["led"] is True
-    assert EventLog.read(folder.inbox, FEED)[0]["reply"]["yes"] is True
-    assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 409
-    assert visitor.post("/api/stop").json() == {"stopped": 1, "heard": 0} and folder.stop.exists()
-    lock.release()
+    with locked(folder):
+        assert visitor.get("/api/calibration").json()["question"] == QUESTION
+        assert visitor.post("/api/calibration/answer", json={**answer, "question": "0" * 16}).status_code == 409
+        assert visitor.post("/api/calibration/answer", json={"question": QUESTION["id"]}).status_code == 422
+        assert visitor.post("/api/calibration/answer", json=answer).status_code == 200
+        second = studio.visitor().post("/api/calibration/answer", json=answer)
+        assert second.status_code == 409 and second.json()["led"] is True
+        assert EventLog.read(folder.inbox, FEED)[0]["reply"]["yes"] is True
+        assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 409
+        assert visitor.post("/api/stop").json() == {"stopped": 1, "heard": 0} and folder.stop.exists()
     folder = studio.store.job("setup")
     Feed(folder).tell(events.Asked(GUIDE))
-    lock = WorkerLock(folder)
-    assert lock.take()
-    for given in ({"move": [0.01, 0.0, 0.0]}, {"leave": True}):
-        assert visitor.post("/api/setup/answer", json={"question": GUIDE["id"], **given}).status_code == 200
-    lock.release()
+    with locked(folder):
+        for given in ({"move": [0.01, 0.0, 0.0]}, {"leave": True}):
+            assert visitor.post("/api/setup/answer", json={"question": GUIDE["id"], **given}).status_code == 200
     move, left = (line["reply"] for line in EventLog.read(folder.inbox, FEED))
     assert move["move"] == [0.01, 0.0, 0.0] and left["leave"] is True
 
@@ -162,10 +158,8 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
     same = order()
     assert first.post("/api/calibration/start", json=asked, headers=same).status_code == 200
     assert "already" in first.post("/api/calibration/start", json=asked, headers=same).json()["sentence"]
-    lock = WorkerLock(studio.store.job("calibration"))
-    assert lock.take()
-    led = second.post("/api/calibration/start", json=asked)
-    lock.release()
+    with locked(studio.store.job("calibration")):
+        led = second.post("/api/calibration/start", json=asked)
     assert led.status_code == 409 and led.json()["led"] is True
     studio.web.lead.under_way += 1
     assert second.post("/api/calibration/start", json=asked).status_code == 409, "an order is not done yet"
