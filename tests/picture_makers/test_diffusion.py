@@ -30,6 +30,8 @@ from frida_painter_words.picture_makers.pipeline_process import _require_picture
 from tiny_pipelines import write_flux, write_lookalike, write_pipeline, write_stable_diffusion_3
 from weights.test_hub_folder import Answers
 
+pytestmark = pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
+
 
 @pytest.fixture(scope="module")
 def pipeline(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -69,7 +71,6 @@ def here(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 def test_pictures_follow_their_seeds_and_steps_are_told(tmp_path: Path, pipeline: Path) -> None:
     told: list[str] = []
     maker = DiffusionMaker.parse(f"{pipeline},steps=2")
@@ -82,7 +83,6 @@ def test_pictures_follow_their_seeds_and_steps_are_told(tmp_path: Path, pipeline
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 @pytest.mark.parametrize(
     "words", ["a lemon " * 1200, "καράβι 帆船", "🙂"], ids=["10,000 characters", "alphabets", "emoji"]
 )
@@ -99,7 +99,6 @@ def test_any_words_make_a_picture_and_a_tokenizer_need_not_say_how_many_it_takes
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 def test_a_making_by_a_pipeline_is_recorded(tmp_path: Path, pipeline: Path) -> None:
     told: list[str] = []
     spec = RunSpec.of(goal=[{"text": "a red tower"}], canvas="12x9cm", seed=3)
@@ -111,7 +110,6 @@ def test_a_making_by_a_pipeline_is_recorded(tmp_path: Path, pipeline: Path) -> N
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 @pytest.mark.parametrize(("write", "size"), [(write_flux, (448, 576)), (write_stable_diffusion_3, (224, 288))])
 def test_pipelines_of_transformers_make_pictures(
     tmp_path: Path, write: Callable[[Path], Path], size: tuple[int, int]
@@ -129,7 +127,6 @@ def load(folder: Path) -> Any:
         return pipeline_process._load(task, torch.device("cpu"))
 
 
-@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 @pytest.mark.parametrize(
     ("kind", "protected", "used"),
     [
@@ -168,7 +165,6 @@ def test_each_kind_of_pipeline_begins_from_the_canvas(
             pipeline_process._load({**task, "canvas": ""}, torch.device("cpu"))
 
 
-@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 @pytest.mark.parametrize(
     ("write", "part"),
     [
@@ -227,7 +223,6 @@ def name_class(kind: str) -> Callable[[Path], None]:
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 @pytest.mark.parametrize(
     ("write", "says"),
     [
@@ -353,7 +348,6 @@ def publish(hub: type[Answers], folder: Path) -> None:
 
 
 @pytest.mark.usefixtures("here")
-@pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 def test_a_name_on_the_hub_is_fetched_once_without_pickles(tmp_path: Path, pipeline: Path, hub: type[Answers]) -> None:
     publish(hub, pipeline)
     unwanted = {f"unet/diffusion_pytorch_model.{end}": b"" for end in ("bin", "fp16.safetensors")} | {"README.md": b"#"}

@@ -19,7 +19,7 @@ from frida_painter_studio.workers import WorkerSlot
 from support.programs import load_program
 from support.studio import Studio, Visitor, order
 
-COUNT, EACH = 300, 4
+COUNT, EACH = 150, 3
 
 
 @pytest.fixture(scope="module")
