@@ -92,7 +92,7 @@ def test_a_fault_of_one_picture_and_the_end_of_the_time_leave_the_others(
     first, second, third, fourth = maker.make(ask(tmp_path, seeds=(7, 8, 9, 10), seconds=4.0))
     assert isinstance(first, Path) and first.stat().st_size
     assert "it said: no luck" in str(second) and "was not finished after" in str(third)
-    assert "was not asked any more, because the time was over; give it more time" in str(fourth)
+    assert "was not finished after 4 s; give it more time" in str(fourth)
 
 
 HANGS = """
@@ -113,7 +113,7 @@ def is_running(pid: int) -> bool:
 def test_a_program_that_hangs_is_ended_with_its_children(tmp_path: Path, command: Callable[..., str]) -> None:
     began = time.monotonic()
     (fault,) = CommandMaker.parse(command(HANGS, str(tmp_path / "child"))).make(ask(tmp_path, seconds=3.0))
-    assert re.search(r"not finished after \d+ s and was ended; give it more time", str(fault))
+    assert "was not finished after 3 s; give it more time" in str(fault)
     child = int((tmp_path / "child").read_text())
     while is_running(child) and time.monotonic() - began < 20:
         time.sleep(0.05)

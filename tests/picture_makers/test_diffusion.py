@@ -295,7 +295,7 @@ def test_a_stop_a_failure_and_the_end_of_its_time_end_a_pipeline(tmp_path: Path,
     settings.write_text(settings.read_text().replace("CrossAttnDownBlock2D", "NoSuchBlock"))
     with pytest.raises(MakingFailed, match=r"^The pipeline failed \("):
         DiffusionMaker.parse(str(tmp_path / "spoiled")).make(ask(tmp_path / "c"))
-    with pytest.raises(MakingFailed, match=r"The pipeline was not finished after \d+ s and was ended"):
+    with pytest.raises(MakingFailed, match="The pipeline was not finished after 0 s"):
         DiffusionMaker.parse(str(pipeline)).make(ask(tmp_path / "b", seconds=0.5))
     assert time.monotonic() - began < 100
 

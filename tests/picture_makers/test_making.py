@@ -184,7 +184,7 @@ def test_pictures_that_could_not_be_made_are_left_out_and_told(tmp_path: Path, m
     class Some(Maker):
         def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
             files = list(super().make(request))
-            return make_each(request, lambda number: files[number] if number == 1 else fail(number))
+            return make_each(request, "The fake", lambda number, *_: files[number] if number == 1 else fail(number))
 
     def fail(number: int) -> Path:
         raise MakingFailed(f"Seed {number} is unlucky; take another.")

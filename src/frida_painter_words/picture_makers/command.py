@@ -13,18 +13,17 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from frida_painter import python_process, storage
-from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.storage import megabytes
 from frida_painter_words.picture_makers.making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
 
 _GLANCE = 0.05  # seconds between two looks at a program
 _MAX_SAID = 20 * 2**20  # bytes that a program may say to its standard error
 _SAID = "the words of a program"
-MORE_TIME = "give it more time with --imagine-minutes, or name a quicker one"
-"""Advice if the time is over."""
 _TOLD = 200  # characters of a program's last line in messages
 
 
@@ -51,9 +50,7 @@ def run_program(
     Raises MakingFailed if it cannot be started, fails, or takes too long or too much room, and Interrupted after a
     stop of the request. The program is then ended, with all processes of its group.
     """
-    began, printed, said = time.monotonic(), folder / "printed", folder / "said"
-    if not began < until:
-        raise MakingFailed(f"{name} was not asked any more, because the time was over; {MORE_TIME}.")
+    printed, said = folder / "printed", folder / "said"
     limits = {printed: MAX_BYTES, said: _MAX_SAID, **({made: MAX_BYTES} if made else {})}
     with printed.open("wb") as output, said.open("wb") as complaints:
         try:
@@ -67,12 +64,7 @@ def run_program(
         heard = 0
         try:
             while process.poll() is None:
-                if request.stop_asked():
-                    raise Interrupted("You stopped the making of pictures.")
-                if not time.monotonic() < until:
-                    raise MakingFailed(
-                        f"{name} was not finished after {time.monotonic() - began:.0f} s and was ended; {MORE_TIME}."
-                    )
+                request.heed(name, until)
                 for file, most in limits.items():
                     if _size(file) > most:
                         raise MakingFailed(
@@ -174,23 +166,18 @@ class CommandMaker:
 
     def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
         """Returns a picture file for each seed, or a reason. Raises Interrupted."""
-        until = time.monotonic() + request.seconds
-        return make_each(request, lambda number: self._make_one(request, number, until))
+        return make_each(request, Path(self.arguments[0]).name, partial(self._make_one, request))
 
-    def _make_one(self, request: PictureRequest, number: int, until: float) -> Path:
-        count = len(request.seeds)
-        request.tell(f"{Path(self.arguments[0]).name} makes picture {number + 1} of {count}.")
-        own = request.folder / str(number + 1)
-        own.mkdir()
-        out = own / "picture.png"
+    def _make_one(self, request: PictureRequest, number: int, folder: Path, until: float) -> Path:
+        out = folder / "picture.png"
         filled = {
             "words": request.words, "seed": str(request.seeds[number]), "out": str(out),
             "width": str(request.width), "height": str(request.height),
             "canvas": str(request.canvas or ""), "free": str(request.free or ""),
         }  # fmt: skip
         arguments = [_PLACE.sub(lambda place: filled[place[1]], part) for part in self.arguments]
-        run_program(arguments, "The command", request, own, until, made=out)
-        made = out if "{out}" in " ".join(self.arguments) else own / "printed"
+        run_program(arguments, "The command", request, folder, until, made=out)
+        made = out if "{out}" in " ".join(self.arguments) else folder / "printed"
         if not (size := _size(made) if made.is_file() else 0):
             where = "wrote no file {out}" if made == out else "printed nothing"
             raise MakingFailed(f"The command ended well and {where}; it writes a picture file, or prints one.")

@@ -4,11 +4,12 @@ import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from frida_painter import python_process, registry, storage
-from frida_painter.errors import ConfigError, Interrupted, MakingFailed, WeightsError
+from frida_painter.errors import ConfigError, MakingFailed, WeightsError
 from frida_painter.weights.catalogue import find_weights
 from frida_painter.weights.pipeline_folder import (
     USUAL_STEPS,
@@ -17,7 +18,7 @@ from frida_painter.weights.pipeline_folder import (
     find_pipeline,
     read_pipeline_folder,
 )
-from frida_painter_words.picture_makers.command import MORE_TIME, run_program
+from frida_painter_words.picture_makers.command import run_program
 from frida_painter_words.picture_makers.making import STRENGTH, PictureMakerKind, PictureRequest
 
 TASK, ANSWER, FAULT = "task.json", "answer.json", "fault"
@@ -63,7 +64,11 @@ class DiffusionMaker:
     def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
         """Returns a picture file for each seed, or a reason. Raises MakingFailed, ConfigError and Interrupted."""
         until = time.monotonic() + request.seconds
-        pipeline = self.here or self._fetch(request, until)
+        try:
+            heed = partial(request.heed, "The download", until)
+            pipeline = self.here or fetch_pipeline(self.source, request.tell, heed)
+        except (WeightsError, ConfigError) as cause:
+            raise MakingFailed(str(cause)) from cause
         steps = self.steps or pipeline.steps
         task = {
             "name": pipeline.name, "folder": str(pipeline.folder), "pipeline": pipeline.pipeline,
@@ -89,20 +94,6 @@ class DiffusionMaker:
             folder / Path(one["file"]).name if "file" in one else MakingFailed(one["fault"]) for one in answer["made"]
         ]
         return [*made, *[missing] * (len(request.seeds) - len(made))]
-
-    def _fetch(self, request: PictureRequest, until: float) -> PipelineFolder:
-        """Fetches the pipeline from the hub into its cache, and reads it."""
-
-        def heed() -> None:
-            if request.stop_asked():
-                raise Interrupted("You stopped the making of pictures.")
-            if time.monotonic() >= until:
-                raise MakingFailed(f"The download was not finished in time; {MORE_TIME}.")
-
-        try:
-            return fetch_pipeline(self.source, request.tell, heed)
-        except (WeightsError, ConfigError) as cause:
-            raise MakingFailed(str(cause)) from cause
 
 
 def run_pipeline(task: Mapping[str, Any], folder: Path, request: PictureRequest, until: float) -> dict[str, Any]:

@@ -7,6 +7,7 @@ one picture alone, as NAME.making.json beside NAME.png. In the middle of a paint
 """
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -22,7 +23,7 @@ from torch.nn import functional
 
 from frida_painter import images, registry, storage
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError, FridaError, ImageError, MakingFailed, PluginError
+from frida_painter.errors import ConfigError, FridaError, ImageError, Interrupted, MakingFailed, PluginError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.planning.problem import Region
@@ -74,6 +75,14 @@ class PictureRequest:
     canvas: Path | None = None
     free: Path | None = None
 
+    def heed(self, who: str, until: float) -> None:
+        """Raises Interrupted after a stop, and MakingFailed if that time of the monotonic clock is over."""
+        if self.stop_asked():
+            raise Interrupted("You stopped the making of pictures.")
+        if not time.monotonic() < until:
+            advice = "give it more time with --imagine-minutes, or name a quicker one"
+            raise MakingFailed(f"{who} was not finished after {self.seconds:.0f} s; {advice}.")
+
 
 @runtime_checkable
 class PictureMaker(Protocol):
@@ -95,15 +104,21 @@ class PictureMaker(Protocol):
         ...
 
 
-def make_each(request: PictureRequest, make: Callable[[int], Path]) -> list[Path | MakingFailed]:
-    """Returns the picture file for each seed, or the reason why there is none.
+def make_each(request: PictureRequest, who: str, make: Callable[[int, Path, float], Path]) -> list[Path | MakingFailed]:
+    """Returns the picture file for each seed, or the reason why there is none. Raises Interrupted.
 
-    make: makes the picture of a seed, from its position in the request
+    who: name of the program or service
+    make: makes the picture of a seed, from its position in the request, an empty folder, and the time of the monotonic
+    clock at which all are to be there
     """
-    made: list[Path | MakingFailed] = []
+    until, made = time.monotonic() + request.seconds, list[Path | MakingFailed]()
     for number in range(len(request.seeds)):
+        folder = request.folder / str(number + 1)
+        folder.mkdir()
         try:
-            made.append(make(number))
+            request.heed(who, until)
+            request.tell(f"{who} makes picture {number + 1} of {len(request.seeds)}.")
+            made.append(make(number, folder, until))
         except MakingFailed as fault:
             made.append(fault)
     return made

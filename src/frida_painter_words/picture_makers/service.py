@@ -10,6 +10,7 @@ import urllib.error
 import urllib.request
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from http.client import HTTPException, HTTPMessage
 from pathlib import Path
 from queue import Empty, Queue
@@ -17,9 +18,9 @@ from typing import IO, Any
 from urllib.parse import urlsplit
 
 from frida_painter import storage
-from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.errors import ConfigError, MakingFailed
 from frida_painter.transfer import TOO_SLOW, Transfer
-from frida_painter_words.picture_makers.command import MORE_TIME, plain_line
+from frida_painter_words.picture_makers.command import plain_line
 from frida_painter_words.picture_makers.making import MAX_BYTES, STRENGTH, PictureMakerKind, PictureRequest, make_each
 
 _EXAMPLE = "http:http://localhost:7860/picture"
@@ -64,22 +65,18 @@ class ServiceMaker:
 
     def make(self, request: PictureRequest) -> Sequence[Path | MakingFailed]:
         """Returns a picture file for each seed, or a reason. Raises Interrupted."""
-        until = time.monotonic() + request.seconds
         parts = urlsplit(self.address)
         plain = ", unencrypted" if parts.scheme == "http" else ""
         sent = "Your words, the seed and the size" if request.canvas is None else "Your words and the canvas"
         request.tell(f"{sent} are sent to {parts.netloc}{plain}.")
-        return make_each(request, lambda number: self._ask(request, number, until))
+        return make_each(request, f"The service {parts.netloc}", partial(self._ask, request))
 
-    def _ask(self, request: PictureRequest, number: int, until: float) -> Path:
+    def _ask(self, request: PictureRequest, number: int, folder: Path, until: float) -> Path:
         """Asks once, in a thread that is left behind if the person stops, or the time is over."""
-        parts, count = urlsplit(self.address), len(request.seeds)
+        parts = urlsplit(self.address)
         if request.canvas is not None:  # of an address that makes pictures from words, the one for pictures
             parts = parts._replace(path=re.sub("txt2img$", "img2img", parts.path))
         address, host, seconds = parts.geturl(), parts.netloc, until - time.monotonic()
-        request.tell(f"{host} makes picture {number + 1} of {count}.")
-        if seconds <= 0:
-            raise MakingFailed(f"The service {host} was not asked any more, because the time was over; {MORE_TIME}.")
         heard = Queue[str | bytes | MakingFailed]()
 
         def ask() -> None:
@@ -94,19 +91,12 @@ class ServiceMaker:
             try:
                 answer = heard.get(timeout=_GLANCE)
             except Empty:
-                if request.stop_asked():
-                    raise Interrupted("You stopped the making of pictures.") from None
-                if time.monotonic() >= until:
-                    raise MakingFailed(
-                        f"The service {host} was not finished after {seconds:.0f} s; {MORE_TIME}."
-                    ) from None
+                request.heed(f"The service {host}", until)
             else:
                 if isinstance(answer, str):
                     request.tell(answer)
         if isinstance(answer, MakingFailed):
             raise answer
-        folder = request.folder / str(number + 1)
-        folder.mkdir()
         storage.write_bytes(folder / "picture", answer)
         return folder / "picture"
 
