@@ -9,13 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import torch
 from PIL import Image
 
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
 from frida_painter_words.picture_makers import command as program
 from frida_painter_words.picture_makers.command import COMMAND, CommandMaker
-from frida_painter_words.picture_makers.making import PictureRequest
+from picture_makers.test_service import ask
 
 PRINTS = """
 import sys
@@ -35,13 +34,6 @@ def command(tmp_path: Path) -> Callable[..., str]:
     return write
 
 
-def ask(folder: Path, words: str = "a lemon", seconds: float = 60.0, stop: Callable[[], bool] = lambda: False,
-        seeds: tuple[int, ...] = (7,)) -> PictureRequest:  # fmt: skip
-    place = folder / "place"
-    place.mkdir()
-    return PictureRequest(words, seeds, 128, 64, place, torch.device("cpu"), seconds, stop)
-
-
 def test_a_program_prints_a_picture_or_writes_one(tmp_path: Path, command: Callable[..., str]) -> None:
     maker = CommandMaker.parse(command(PRINTS))
     (made,) = maker.make(ask(tmp_path))
@@ -55,7 +47,7 @@ def test_words_are_one_argument_and_no_shell_reads_them(tmp_path: Path, command:
     source = "import sys, json, pathlib; pathlib.Path(sys.argv[-1]).write_text(json.dumps(sys.argv[1:]))"
     words = "a $(touch here) 'lemon'; {out} | {seed}"
     maker = CommandMaker.parse(command(source, "--w={words}", "{seed}x{width}x{height}", "{out}"))
-    files = maker.make(ask(tmp_path, words, seeds=(7, 8)))
+    files = maker.make(replace(ask(tmp_path, seeds=(7, 8)), words=words))
     heard = [json.loads(file.read_text()) for file in files if isinstance(file, Path)]
     assert [one[:2] for one in heard] == [[f"--w={words}", "7x128x64"], [f"--w={words}", "8x128x64"]]
     assert not list(tmp_path.rglob("here")) and heard[0][2] != heard[1][2]
