@@ -30,11 +30,7 @@ Work = Callable[[Any], Any]
 _STARTING = 300.0  # seconds for a process to load, on a busy machine
 _STARTS = 4
 _GRACE = 20.0  # seconds after the alarm
-PRELOADED = [
-    "frida_painter_lab.sweeps.runner",
-    "frida_painter.brush.table_kernels",
-    "frida_painter.render.scanline",
-]
+PRELOADED = ["frida_painter_lab.sweeps.runner", "frida_painter.brush.table_kernels", "frida_painter.render.scanline"]
 """Imports of a run, including late ones. They are loaded once, and every process starts with them."""
 
 

@@ -289,10 +289,7 @@ class SemanticExperiment(JudgedExperiment):
     NAME = "semantic"
     TITLE = "Photographs painted by meaning and by pixels"
     LABELS = ("photograph",)
-    WAYS = (
-        PaintingWay("by pixels"),
-        PaintingWay("by meaning", "by pixels", goal=({"semantic": "{0.path}"},)),
-    )
+    WAYS = (PaintingWay("by pixels"), PaintingWay("by meaning", "by pixels", goal=({"semantic": "{0.path}"},)))
     MEASURES: ClassVar[Mapping[str, bool | None]] = {
         "feature distance": False, "LPIPS-like": False, "edge F-score": True, "PSNR, dB": True, SECONDS: None,
     }  # fmt: skip

@@ -36,15 +36,7 @@ from frida_painter_lab.simulation_gap import (
     Replanning,
     Sim2Real,
 )
-from frida_painter_lab.targets import (
-    DRAWINGS,
-    PHOTOGRAPHS,
-    SHIPPED,
-    STYLES,
-    Target,
-    load_shipped_targets,
-    load_targets,
-)
+from frida_painter_lab.targets import DRAWINGS, PHOTOGRAPHS, SHIPPED, STYLES, Target, load_shipped_targets, load_targets
 from support.networks import QuickEncoders
 from support.planning import CANVAS, picture, some_strokes
 

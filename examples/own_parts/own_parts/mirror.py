@@ -4,15 +4,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from frida_painter.plugins import (
-    ConfigError,
-    Gives,
-    GoalKind,
-    ObjectiveContext,
-    ObjectiveTerm,
-    Term,
-    require_weight,
-)
+from frida_painter.plugins import ConfigError, Gives, GoalKind, ObjectiveContext, ObjectiveTerm, Term, require_weight
 
 AXES = {"left-right": 2, "top-bottom": 1}
 

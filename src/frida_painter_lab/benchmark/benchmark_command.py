@@ -37,8 +37,7 @@ def _handed(text: str) -> tuple[str, Path]:
 
 
 Out = Annotated[
-    Path,
-    typer.Option(parser=out_folder, metavar="FOLDER", help="The folder of the table. The same one continues it."),
+    Path, typer.Option(parser=out_folder, metavar="FOLDER", help="The folder of the table. The same one continues it.")
 ]
 Goal = Annotated[
     str, typer.Option("--picture", metavar="NAME", help="A picture or goal of the suite, cat~7, or a picture file.")
@@ -55,8 +54,7 @@ Pictures = Annotated[
 def register(app: typer.Typer) -> None:
     """Adds the group of commands."""
     group = typer.Typer(
-        no_args_is_help=True,
-        help="Compare painters on a frozen suite, and judge strokes that other systems hand in.",
+        no_args_is_help=True, help="Compare painters on a frozen suite, and judge strokes that other systems hand in."
     )
     group.command("list")(list_suite)
     for command in (pictures, judge, cell, table, page):

@@ -24,14 +24,7 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter_lab.env.actions import require_action
-from frida_painter_lab.env.task import (
-    Observation,
-    PaintingTask,
-    beside,
-    open_judge,
-    require_render_mode,
-    require_seed,
-)
+from frida_painter_lab.env.task import Observation, PaintingTask, beside, open_judge, require_render_mode, require_seed
 
 _RENDER_ROWS = 480
 _MAX_SEED = 2**31

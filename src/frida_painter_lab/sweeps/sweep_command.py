@@ -65,12 +65,7 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group, name="sweep")
 
 
-def run(
-    file: SweepFile,
-    out: Out = None,
-    jobs: Jobs = None,
-    yes: Yes = False,
-) -> None:
+def run(file: SweepFile, out: Out = None, jobs: Jobs = None, yes: Yes = False) -> None:
     """Do all runs of a sweep file that are not done yet: `sweep FILE` is short for `sweep run FILE`.
 
     Every run has a folder of its own. Run the same command again to continue after an interruption; what was done is
