@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 SECONDS = Path(__file__).with_name("seconds.txt")
-MAX_QUICK, MAX_QUICK_CLOCK = 0.4, 1.0  # seconds of a processor and of a clock that a case of a quick test takes
+MAX_QUICK, MAX_QUICK_CLOCK = 0.3, 1.0  # seconds of a processor and of a clock that a case of a quick test takes
 MAX_TEST = 20.0  # seconds of a processor that a case takes without a reason
 _LINE = re.compile(r"(?P<seconds>\d+\.\d) (?P<name>\S+)(?:  # (?P<why>.+))?")
 _TEST = re.compile(r"^ *def (test_\w+)\(", re.M)

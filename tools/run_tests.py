@@ -41,7 +41,7 @@ from measured import list_tests, read_seconds, renew_seconds  # noqa: E402
 # No temporary file of Python: the first of the forked processes that ends would remove it.
 TIMES = ROOT / ".pytest_cache" / "times"
 GROUP = 40.0  # seconds of a processor that the tests of a group take, more or less
-QUICK_GROUP = 12.0
+QUICK_GROUP = 5.0  # small ones, so that no processor waits long for the last one
 ANY_TEST = 0.03  # seconds of a processor that a test function takes that is not in tests/seconds.txt
 QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
 # Modules that are loaded once.
