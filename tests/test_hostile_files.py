@@ -51,8 +51,7 @@ from frida_painter.session.journal import FORMAT, VERSION
 from frida_painter.session.opening import load_record
 from frida_painter_calibration.machine_setup import MachineSetup
 from frida_painter_calibration.teaching.marks import read_marks
-from frida_painter_lab.sweeps.sweep_folder import SweepFolder
-from frida_painter_lab.sweeps.sweep_spec import SweepSpec
+from frida_painter_lab.sweeps.sweep_spec import SweepFolder, SweepSpec
 from support.plans import made_up_plan
 
 HOSTILE = (None, True, -1, 2**62, 1e300, "", "\0", "\ud800", "a" * 5000, [], {}, [None], {"a": 1}, [[1.0]])

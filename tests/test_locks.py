@@ -14,7 +14,7 @@ from frida_painter.errors import FridaError, StorageError
 from frida_painter.event_log import FEED, JOURNAL, EventLog
 from frida_painter_lab import runs
 from frida_painter_lab.runs import RunFolder
-from frida_painter_lab.sweeps.sweep_folder import SweepFolder
+from frida_painter_lab.sweeps.sweep_spec import SweepFolder
 from frida_painter_studio import network
 from frida_painter_studio.network import share_lock
 from frida_painter_studio.studio_folder import PaintingFolder, WorkerLock

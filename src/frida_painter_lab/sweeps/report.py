@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,12 +18,7 @@ from frida_painter.report.page import template
 from frida_painter.session.time_left import duration
 from frida_painter_lab.runs import RunFolder, Value
 from frida_painter_lab.statistics import FieldEffect, Result, means, paired_tests
-from frida_painter_lab.sweeps.sweep_folder import TABLE, SweepFolder
-from frida_painter_lab.sweeps.sweep_spec import FileHashes, SweepRun, SweepSpec, expand_runs
-
-if TYPE_CHECKING:
-    import pyarrow
-
+from frida_painter_lab.sweeps.sweep_spec import TABLE, FileHashes, SweepFolder, SweepRun, SweepSpec, expand_runs
 
 Record = Mapping[str, Any]
 
@@ -268,7 +263,7 @@ def write_table(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         parquet.write_table(table, temporary)
 
 
-def _column(values: Sequence[Any]) -> "pyarrow.Array[Any]":
+def _column(values: Sequence[Any]) -> Any:
     import pyarrow
 
     kinds = {type(value) for value in values if value is not None}

@@ -5,7 +5,7 @@ import platform
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -23,8 +23,7 @@ from frida_painter_lab.experiment import Notify, Share, do_shares, silent
 from frida_painter_lab.measures import mse, psnr
 from frida_painter_lab.runs import RunFolder
 from frida_painter_lab.sweeps.report import SweepState, fold, keep_table
-from frida_painter_lab.sweeps.sweep_folder import SweepFolder
-from frida_painter_lab.sweeps.sweep_spec import FileHashes, SweepRun, SweepSpec, expand_runs
+from frida_painter_lab.sweeps.sweep_spec import FileHashes, SweepFolder, SweepRun, SweepSpec, expand_runs
 
 # A run in a process of an engine: plans, paints or evaluates it, and writes the results to its folder.
 # This module is loaded before the first run, so that no run waits for PyTorch.
@@ -182,17 +181,10 @@ _LAST_SEED = 2**31 - 1
 _EXPECTED, _LOSS = "expected dB", "loss of the plan"
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """Best candidate: its spec, its plan, and a sentence that compares it."""
+def best_candidate(spec: RunSpec, count: int, folder: Path, notify: Notify) -> tuple[RunSpec, Plan, str]:
+    """Plans with `count` successive seeds in several processes.
 
-    spec: RunSpec
-    plan: Plan
-    comparison: str
-
-
-def best_candidate(spec: RunSpec, count: int, folder: Path, notify: Notify) -> Candidate:
-    """Plans with `count` successive seeds in several processes, and returns the best.
+    Returns the spec with the best seed, its plan, and a sentence that compares it.
 
     folder: for the sweep
 
@@ -213,7 +205,7 @@ def best_candidate(spec: RunSpec, count: int, folder: Path, notify: Notify) -> C
     if len(found) > 1:
         told += f", the worst {worst['figures'][figure]:.4g}"
     plan = Plan.load(RunFolder(outcome.folder, best["key"]).path / "plan.json")
-    return Candidate(spec.with_values(seed=seed, ground=ground_of(plan)), plan, f"{told}.")
+    return spec.with_values(seed=seed, ground=ground_of(plan)), plan, f"{told}."
 
 
 def rank_plans(spec: RunSpec, records: Sequence[Mapping[str, Any]]) -> tuple[str, list[Mapping[str, Any]]]:

@@ -124,6 +124,6 @@ def choose_candidate(spec: "RunSpec", candidates: int) -> "tuple[RunSpec, Plan]"
     from frida_painter_lab.sweeps.runner import best_candidate
 
     with TemporaryDirectory() as folder, show_progress() as hear:
-        best = best_candidate(spec, candidates, Path(folder), hear)
-    print(best.comparison, file=sys.stderr)
-    return best.spec, best.plan
+        chosen, plan, told = best_candidate(spec, candidates, Path(folder), hear)
+    print(told, file=sys.stderr)
+    return chosen, plan

@@ -158,16 +158,16 @@ def spec(tmp_path: Path, in_small_world: None) -> fp.RunSpec:
 
 def test_the_plan_of_the_best_seed_is_chosen_on_its_ground(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:
     monkeypatch.setattr(carrier, "Engine", lambda limits, slots: Here())
-    best = best_candidate(spec, 2, tmp_path / "candidates", silent)
+    best, plan_of_best, told = best_candidate(spec, 2, tmp_path / "candidates", silent)
     expected = {}
     for seed in (7, 8):
         with fp.PaintingRun(spec.with_values(seed=seed)) as run:
             plan = run.plan()
             expected[seed] = run.planner.forecast(plan, run.planner.bare).expected, plan
-    assert best.spec.seed == max(expected, key=lambda seed: expected[seed][0])
-    assert torch.equal(best.plan.strokes.position, expected[best.spec.seed][1].strokes.position)
-    assert best.comparison.startswith(f"The best of 2 seeds is {best.spec.seed}: expected dB ")
-    assert best.spec == spec.with_values(seed=best.spec.seed, ground=ground_of(best.plan))
+    assert best.seed == max(expected, key=lambda seed: expected[seed][0])
+    assert torch.equal(plan_of_best.strokes.position, expected[best.seed][1].strokes.position)
+    assert told.startswith(f"The best of 2 seeds is {best.seed}: expected dB ")
+    assert best == spec.with_values(seed=best.seed, ground=ground_of(plan_of_best))
 
 
 def test_words_are_judged_by_what_they_say_and_no_plan_is_told(tmp_path: Path, spec: fp.RunSpec, monkeypatch) -> None:

@@ -27,8 +27,7 @@ from frida_painter_lab.runs import RunFolder
 from frida_painter_lab.sweeps import runner
 from frida_painter_lab.sweeps.report import read_state
 from frida_painter_lab.sweeps.runner import perform
-from frida_painter_lab.sweeps.sweep_folder import SweepFolder
-from frida_painter_lab.sweeps.sweep_spec import SweepRun
+from frida_painter_lab.sweeps.sweep_spec import SweepFolder, SweepRun
 from plugins import install
 from sweep_engine import Here
 
@@ -100,6 +99,8 @@ def test_what_fails_is_reported_tried_again_next_time_and_stops_nothing(tmp_path
     engine.between = at_seed(1, fail(TryFailed("It exploded.")))
     outcome = fp.sweep(asked(photo), tmp_path / "sweep")
     (failure,) = outcome.failures.values()
+    times = [record["times"][name] for record in outcome.records.values() for name in ("cpu_seconds", "wall_seconds")]
+    assert all(0 <= took < 600 for took in times)
     assert len(outcome.records) == 2 and failure["error"] == "It exploded." and failure["labels"] == {"seed": 1}
     told = read_state(tmp_path / "sweep").lines()
     assert told == ["sweep: 2 of 3 runs done, 1 failed.", "  seed 1: It exploded."]
