@@ -36,6 +36,7 @@ def test_the_greedy_choice_lowers_the_error(env):
 def test_the_same_seed_gives_the_same_strokes(env):
     one, other = (play(env, GreedyPolicy(env.unwrapped.task, 8, seed=1), (0,)) for _ in range(2))
     assert one == other and one[0].minutes is None and one[0].strokes == 8
+    assert one[0].score - one[0].gain == pytest.approx(env.reset(seed=0)[1]["score"])
 
 
 def test_the_planner_paints_batches_in_the_studio():

@@ -43,6 +43,13 @@ def test_it_lies_where_it_should_and_its_middle_hangs_half_of_its_bow_aside():
     assert center == pytest.approx(float(row), abs=0.5)
 
 
+def test_it_tapers_and_fades_from_its_start_to_its_end():
+    alpha = covered(stroke(STRAIGHT, radius=(0.012, 0.004), opacity=(1.0, 0.5)))
+    start, end = alpha[:, 60], alpha[:, 140]  # at a tenth and nine tenths of its way, a pixel is a millimetre
+    assert float(start.max()) == pytest.approx(0.95, abs=0.02) and float(end.max()) == pytest.approx(0.55, abs=0.02)
+    assert float((start > 0.2).sum()) > 2 * float((end > 0.2).sum()) > 10
+
+
 def test_projection_holds_strokes_to_their_freedom_and_stays_there():
     chance = torch.Generator().manual_seed(3)
     wild = SoftStrokes(
