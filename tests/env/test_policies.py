@@ -33,6 +33,14 @@ def test_the_greedy_choice_lowers_the_error(env):
         assert reward > 0
 
 
+@pytest.mark.parametrize("paint", [0, 1, 2])
+def test_the_greedy_choice_takes_the_paint_of_the_goal(env, paint):
+    task = env.unwrapped.task
+    observed, _ = env.reset(options={"goal": task.palettes[0][paint][:, None, None].expand(3, 20, 50)})
+    action = GreedyPolicy(task, 16, seed=3)(observed)
+    assert task.code.decode(action[None], task.palettes[0])[1].tolist() == [paint]
+
+
 def test_the_same_seed_gives_the_same_strokes(env):
     one, other = (play(env, GreedyPolicy(env.unwrapped.task, 8, seed=1), (0,)) for _ in range(2))
     assert one == other and one[0].minutes is None and one[0].strokes == 8

@@ -1,6 +1,6 @@
 """A CLIP that knows a small world gets from sentences that it never saw to the right pictures.
 
-`tests/shape_world` holds the world, the CLIP (`eye`, trained by `train.py`) and a judge that shares neither its
+`tests/shape_world` holds the world, the CLIP (`eye`) and a judge that shares neither its
 architecture nor its drawings.
 """
 

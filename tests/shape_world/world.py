@@ -25,7 +25,6 @@ PLACES = ("left", "right", "top", "bottom")
 RELATIONS = {"left of": "right of", "right of": "left of", "above": "below", "below": "above"}
 COUNTS = ("a", "two", "three")
 PLURALS = {"ball": "balls", "post": "posts", "bar": "bars"}
-WORDS = (*COLORS, *SHAPES, *PLURALS.values(), *PLACES, *COUNTS, "above", "below", "of", "on", "the", "ground")
 _MAX_THINGS = 4  # in a picture: three and a blob
 _NARROW, _LONG = 0.42, 1.25  # half sides of a post or bar, relative to the radius of a ball
 _MARKS = 320  # strokes of a field
@@ -117,38 +116,6 @@ def choose_picture(chance: random.Random) -> Picture:
     while other == thing:
         other = Thing(chance.choice(colors), chance.choice(SHAPES))
     return Picture(thing, relation=chance.choice(tuple(RELATIONS)), other=other, ground=ground)
-
-
-def change_word(picture: Picture, chance: random.Random) -> Picture:
-    """Returns a picture that differs in one word, or by two things that have exchanged their colours or shapes."""
-
-    def another(some: tuple[str, ...], *unlike: str) -> str:
-        return chance.choice([one for one in some if one not in unlike])
-
-    one, two = picture.thing, picture.other
-    if two is not None and chance.random() < 0.35:
-        if one.color != two.color and (one.shape == two.shape or chance.random() < 0.5):
-            return replace(picture, thing=replace(one, color=two.color), other=replace(two, color=one.color))
-        return replace(picture, thing=replace(one, shape=two.shape), other=replace(two, shape=one.shape))
-    while True:
-        which = chance.randrange(5)
-        part = "thing" if picture.other is None or chance.random() < 0.5 else "other"
-        thing = getattr(picture, part)
-        if which == 0:
-            thing = replace(thing, color=another(COLOR_NAMES, thing.color, picture.ground))
-        elif which <= 2:
-            thing = replace(thing, shape=another(SHAPES, thing.shape))
-        elif which == 3:
-            return replace(picture, ground=another(COLOR_NAMES, picture.ground, *picture.colors))
-        elif picture.relation:
-            return replace(picture, relation=another(tuple(RELATIONS), picture.relation))
-        elif picture.place:
-            return replace(picture, place=another(PLACES, picture.place))
-        else:
-            return replace(picture, count=chance.choice([n for n in (1, 2, 3) if n != picture.count]))
-        found = replace(picture, **{part: thing})
-        if found.thing != found.other:
-            return found
 
 
 @dataclass(frozen=True)
