@@ -129,7 +129,6 @@ MAX_LINES = 65
 MAX_SLOPE = 0.25
 """Greatest slope between two neighbouring points, metres per metre; a steeper step tears the bristles."""
 _SAME = 0.0015  # metres by which a map may differ from the canvas
-_REMEDY = "measure the map again: frida-painter calibrate surface"
 
 Line = Annotated[tuple[float, ...], Field(strict=False)]
 
@@ -154,52 +153,48 @@ class SurfaceMap:
     dated: str = ""
 
     def __post_init__(self) -> None:
+        if (fault := self._find_fault()) is not None:
+            raise CalibrationError(f"The height map {fault} Measure it again: frida-painter calibrate surface")
+
+    def _find_fault(self) -> str | None:
         for name, lines in (("across", self.across), ("up", self.up)):
             steps = np.diff(lines)
             if not (2 <= len(lines) <= MAX_LINES and np.isfinite(lines).all() and (steps > 0).all()):
-                raise CalibrationError(
-                    f"The height map's lines {name} are {_shorten(lines)}; they are 2 to {MAX_LINES} ascending numbers "
-                    f"of metres. {_capital(_REMEDY)}."
-                )
+                return f"has the lines {name} {_shorten(lines)}; they are 2 to {MAX_LINES} ascending numbers of metres."
         if len(self.offset) != len(self.up) or any(len(row) != len(self.across) for row in self.offset):
-            raise CalibrationError(
-                f"The height map has rows of {_shorten([len(row) for row in self.offset])} heights; it needs "
-                f"{len(self.up)} rows of {len(self.across)}. {_capital(_REMEDY)}."
-            )
-        offset = self._array
+            rows = _shorten([len(row) for row in self.offset])
+            return f"has rows of {rows} heights; it needs {len(self.up)} rows of {len(self.across)}."
+        offset = np.array(self.offset, np.float64)
         wrong = ~(np.abs(offset) <= MAX_UNEVENNESS)
         if wrong.any():
             row, column = np.argwhere(wrong)[0]
             what = "has a hole" if not np.isfinite(offset[row, column]) else f"says {offset[row, column] * 1000:.1f} mm"
-            raise CalibrationError(
-                f"The height map {what} at {self.across[column] * 1000:.0f}, {self.up[row] * 1000:.0f} mm of the "
-                f"canvas; allowed are {-MAX_UNEVENNESS * 1000:g} to {MAX_UNEVENNESS * 1000:g} mm. {_capital(_REMEDY)}."
+            return (
+                f"{what} at {self.across[column] * 1000:.0f}, {self.up[row] * 1000:.0f} mm of the canvas; allowed are "
+                f"{-MAX_UNEVENNESS * 1000:g} to {MAX_UNEVENNESS * 1000:g} mm."
             )
         if not self.steepest <= MAX_SLOPE:
-            raise CalibrationError(
-                f"The height map has a step of {self.steepest * 1000:.0f} mm per metre; allowed are "
-                f"{MAX_SLOPE * 1000:g}. Flatten the canvas, then {_REMEDY}."
+            return (
+                f"has a step of {self.steepest * 1000:.0f} mm per metre; allowed are {MAX_SLOPE * 1000:g}: flatten the "
+                "canvas."
             )
-
-    @property
-    def _array(self) -> NDArray[np.float64]:
-        return np.array(self.offset, np.float64)
+        return None
 
     @property
     def highest(self) -> float:
         """Greatest offset, metres."""
-        return float(self._array.max())
+        return max(map(max, self.offset))
 
     @property
     def lowest(self) -> float:
         """Least offset, metres."""
-        return float(self._array.min())
+        return min(map(min, self.offset))
 
     @property
     def steepest(self) -> float:
         """Greatest slope between two neighbouring points of the grid, metres per metre."""
-        along = np.abs(np.diff(self._array, axis=1)) / np.diff(self.across)
-        beyond = np.abs(np.diff(self._array, axis=0)) / np.diff(self.up)[:, None]
+        along = np.abs(np.diff(self.offset, axis=1)) / np.diff(self.across)
+        beyond = np.abs(np.diff(self.offset, axis=0)) / np.diff(self.up)[:, None]
         return float(max(along.max(), beyond.max()))
 
     def at(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -207,7 +202,7 @@ class SurfaceMap:
         from scipy.interpolate import RegularGridInterpolator  # loaded here because few canvases are uneven
 
         inside = np.clip(position, (self.across[0], self.up[0]), (self.across[-1], self.up[-1]))
-        surface = RegularGridInterpolator((self.up, self.across), self._array, bounds_error=False)
+        surface = RegularGridInterpolator((self.up, self.across), np.array(self.offset), bounds_error=False)
         return np.asarray(surface(inside[:, ::-1]), np.float64)
 
     def require_covers(self, canvas: CanvasSize) -> None:
@@ -217,7 +212,8 @@ class SurfaceMap:
         if not all(abs(end - edge) <= _SAME for end, edge in zip(ends, wanted, strict=True)):
             raise CalibrationError(
                 f"The height map reaches from {ends[0] * 1000:.0f} to {ends[1] * 1000:.0f} mm across and from "
-                f"{ends[2] * 1000:.0f} to {ends[3] * 1000:.0f} mm up, and the canvas is {canvas}; {_REMEDY}."
+                f"{ends[2] * 1000:.0f} to {ends[3] * 1000:.0f} mm up, and the canvas is {canvas}; measure the map "
+                "again: frida-painter calibrate surface"
             )
 
     @classmethod
@@ -236,17 +232,16 @@ class SurfaceMap:
         Raises CalibrationError if a point is missing, or the map cannot be true.
         """
         cls(tuple(map(float, across)), tuple(map(float, up)), tuple(tuple(map(float, row)) for row in offset))
-        wide = _extend(np.array(across), offset.T, canvas.width).T
-        full = _extend(np.array(up), wide, canvas.height)
+        full = _extend(up, _extend(across, offset.T, canvas.width).T, canvas.height)
         return cls(
             (0.0, *map(float, across[1:-1]), canvas.width),
             (0.0, *map(float, up[1:-1]), canvas.height),
-            tuple(tuple(round(float(metres), 6) for metres in row) for row in full),
+            tuple(tuple(round(metres, 6) for metres in row) for row in full.tolist()),
             dated,
         )
 
 
-def _extend(lines: NDArray[np.float64], values: NDArray[np.float64], side: float) -> NDArray[np.float64]:
+def _extend(lines: Sequence[float], values: NDArray[np.float64], side: float) -> NDArray[np.float64]:
     """Returns values [k, m] with the first and the last row moved to 0 and `side`, along straight lines."""
     found = values.astype(np.float64).copy()
     found[0] -= (values[1] - values[0]) / (lines[1] - lines[0]) * lines[0]
@@ -256,10 +251,6 @@ def _extend(lines: NDArray[np.float64], values: NDArray[np.float64], side: float
 
 def _shorten(values: Sequence[float]) -> str:
     return ", ".join(f"{value:g}" for value in values[:6]) + (", ..." if len(values) > 6 else "")
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]
 
 
 @dataclass(frozen=True)
@@ -310,36 +301,41 @@ class Calibration:
     others: Mapping[str, BrushRecord] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        if (fault := self._find_fault()) is not None:
+            raise CalibrationError(fault)
+        if self.surface is not None and self.canvas is not None:
+            self.surface.require_covers(self.canvas)
+
+    def _find_fault(self) -> str | None:
         corners, placement, color = np.array(self.corners), np.array(self.placement), np.array(self.color)
         if corners.shape != (4, 2) or not np.isfinite(corners).all() or not _turns_clockwise(corners):
-            raise CalibrationError(
+            return (
                 f"Canvas corners {self.corners} do not go round the canvas clockwise from the top left; "
                 "repeat the canvas calibration."
             )
         if self.lens is not None and not np.isfinite(self.lens.undistort(corners)).all():
-            raise CalibrationError(
+            return (
                 f"Through the lens {self.lens.coefficients} no canvas is seen at {self.corners}; "
                 "repeat the canvas calibration."
             )
         if placement.shape != (3, 3) or not np.isfinite(placement).all() or not np.linalg.det(placement) > 1e-6:
-            raise CalibrationError("The placement homography is singular or mirrored; repeat the robot calibration.")
+            return "The placement homography is singular or mirrored; repeat the robot calibration."
         if color.shape != (3, 4) or not np.isfinite(color).all():
-            raise CalibrationError("The colour correction is not a finite 3 x 4 map; repeat the color calibration.")
+            return "The colour correction is not a finite 3 x 4 map; repeat the color calibration."
         if not -np.inf < self.press_height < self.touch_height < np.inf:
-            raise CalibrationError(
+            return (
                 f"The hardest press ({self.press_height} m) is not below the lightest touch ({self.touch_height} m); "
                 "repeat the brush calibration."
             )
         if self.protrusion is not None and not 0 <= self.protrusion <= 1:
-            raise CalibrationError(
+            return (
                 f"A brush that protrudes by {self.protrusion} m cannot be true; it is from 0 to 1 m; "
                 "repeat the brush calibration."
             )
-        if self.surface is not None and self.canvas is not None:
-            self.surface.require_covers(self.canvas)
         for name, done in self.done.items():
             if name not in PROCEDURES or not 0 <= done.residual < np.inf:
-                raise CalibrationError(f"The record's entry on {name!r} ({done}) cannot be true; {_REPEAT_ALL}")
+                return f"The record's entry on {name!r} ({done}) cannot be true; {_REPEAT_ALL}"
+        return None
 
     def place(self, position: NDArray[np.float64]) -> NDArray[np.float64]:
         """Returns where to send the robot so that it paints at `position`: canvas metres [n, 2] -> [n, 2]."""

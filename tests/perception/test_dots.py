@@ -68,7 +68,7 @@ def test_dots_are_told_from_strangers_and_missing_ones_are_survived(x, y, turn, 
     order = list(range(len(seen)))
     chance.shuffle(order)
     match = match_dots(PLACES, seen[order], **NEAR)
-    assert len(match) >= len(there)
+    assert len(match.meant) >= len(there)
     right = np.linalg.norm(seen[order][match.seen] - true[match.meant], axis=1) < 1e-9
     assert right.sum() >= len(there) - 1
     if not len(strange):
@@ -77,8 +77,8 @@ def test_dots_are_told_from_strangers_and_missing_ones_are_survived(x, y, turn, 
 
 @pytest.mark.parametrize("seen", [np.empty((0, 2)), PLACES[:1], PLACES + 0.05])
 def test_where_nothing_fits_nothing_is_matched(seen: np.ndarray) -> None:
-    assert len(match_dots(PLACES, seen, **NEAR)) <= 3
+    assert len(match_dots(PLACES, seen, **NEAR).meant) <= 3
 
 
 def test_a_mirror_image_is_not_matched() -> None:
-    assert len(match_dots(PLACES, (0.2, 0) + PLACES * (-1, 1), **NEAR)) <= 3
+    assert len(match_dots(PLACES, (0.2, 0) + PLACES * (-1, 1), **NEAR).meant) <= 3

@@ -167,10 +167,10 @@ def test_the_dots_lie_evenly_on_the_canvas_and_look_the_same_from_one_side_only(
         "reach": 0.12 * min(size.width, size.height),
         "tolerance": min(0.0025, 0.015 * min(size.width, size.height)),
     }
-    assert len(match_dots(places, places, **near)) == 16
+    assert len(match_dots(places, places, **near).meant) == 16
     for sign in ((-1, 1), (1, -1), (-1, -1)):
         turned = places * sign + np.where(np.array(sign) < 0, (size.width, size.height), 0)
-        assert len(match_dots(places, turned, **near)) < 10
+        assert len(match_dots(places, turned, **near).meant) < 10
 
 
 def test_a_person_is_asked_for_a_canvas_and_may_decline() -> None:

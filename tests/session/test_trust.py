@@ -76,7 +76,7 @@ def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_
 def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_at_a_real_easel(
     world: VirtualPainting, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    doubt = Registration(Verdict.UNSURE, CanvasShift(0.001), CanvasShift(0.001), 1.0)
+    doubt = Registration(Verdict.UNSURE, CanvasShift(0.001))
     monkeypatch.setattr(frame_check, "register", lambda *args: doubt)
     asked: list[Paused] = []
     session, studio = world.session(tmp_path / "studio", Journal.nowhere())

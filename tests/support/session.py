@@ -132,7 +132,7 @@ class NotingPlanner:
 @contextmanager
 def unmoved_canvas() -> Iterator[None]:
     """Nobody looks whether the stub's canvas, which is white, still lies where it lay: that takes half of the time."""
-    still = Registration(Verdict.STILL, CanvasShift(), CanvasShift(), -9.0)
+    still = Registration(Verdict.STILL, CanvasShift())
     with patch("frida_painter.perception.frame_check.register", lambda *given: still):
         yield
 

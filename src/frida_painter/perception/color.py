@@ -156,13 +156,11 @@ class ColorFit:
     """Fitted map from perceived to true linear light.
 
     affine [3, 4]: the map, float64
-    before, after, held_out [n]: CIEDE2000 of each fitted colour as perceived, as mapped, and as mapped by a fit
-    to all others
+    before, held_out [n]: CIEDE2000 of each fitted colour as perceived, and as mapped by a fit to all others
     """
 
     affine: Tensor
     before: Tensor
-    after: Tensor
     held_out: Tensor
 
 
@@ -179,17 +177,11 @@ def fit_color(perceived: Tensor, true: Tensor) -> ColorFit:
 
 
 def _fit(perceived: Tensor, true: Tensor, offset: bool) -> ColorFit:
-    others = ~torch.eye(len(true), dtype=torch.bool)
-    alone = torch.stack(
-        [_apply(_affine(perceived[rest], true[rest], offset), one) for rest, one in zip(others, perceived, strict=True)]
-    )
-    affine, known = _affine(perceived, true, offset), to_srgb(true)
-    return ColorFit(
-        affine,
-        before=difference(to_srgb(perceived), known),
-        after=difference(to_srgb(_apply(affine, perceived)), known),
-        held_out=difference(to_srgb(alone), known),
-    )
+    affine, known, alone = _affine(perceived, true, offset), to_srgb(true), []
+    for rest, one in zip(~torch.eye(len(true), dtype=torch.bool), perceived, strict=True):
+        without = _affine(perceived[rest], true[rest], offset)
+        alone.append(one @ without[:, :3].T + without[:, 3])
+    return ColorFit(affine, difference(to_srgb(perceived), known), difference(to_srgb(torch.stack(alone)), known))
 
 
 def _affine(perceived: Tensor, true: Tensor, offset: bool) -> Tensor:
@@ -199,10 +191,6 @@ def _affine(perceived: Tensor, true: Tensor, offset: bool) -> Tensor:
     weight = (true.mean(1, keepdim=True) + _COLOR_FAINT) ** (-2 / 3)
     solution = torch.linalg.lstsq(weight * columns, weight * true).solution.T
     return torch.nn.functional.pad(solution, (0, 4 - solution.shape[1]))
-
-
-def _apply(affine: Tensor, light: Tensor) -> Tensor:
-    return light @ affine[:, :3].T + affine[:, 3]
 
 
 # Palettes from files: lists of colours, pictures of colours, or photographs of swatches beside white paper
@@ -271,8 +259,17 @@ def read_palette(path: Path, count: int | None) -> Palette:
 
 def _read_picture(path: Path, count: int | None) -> Palette:
     """Returns the palette of a picture of colours, or of a photograph of `count` swatches."""
+    picture = None
     try:
-        picture = _picture(path)
+        with (
+            storage.open_checked(path, picture_file.WHAT, storage.MAX_BYTES, ImageError) as file,
+            contextlib.suppress(Exception),  # `images.load` below reports any fault
+            Image.open(file, formats=("PNG", "GIF", "BMP", "WEBP", "TIFF")) as small,
+        ):
+            # Also a very small picture, with one pixel for each colour.
+            if min(small.size) < picture_file.MIN_SIDE and max(small.size) <= picture_file.LONGEST:
+                picture = images.from_uint8(np.asarray(small.convert("RGB")))
+        picture = images.load(path) if picture is None else picture
     except ImageError as error:
         raise ImageError(f"{str(error).removesuffix('.')}; {FORMS}.") from error
     found = _flat_colors(picture)
@@ -284,18 +281,6 @@ def _read_picture(path: Path, count: int | None) -> Palette:
             f"is one, or write their colours down: {FORMS}."
         )
     return read_swatches(picture, count)
-
-
-def _picture(path: Path) -> Tensor:
-    """Returns a picture as sRGB [3, H, W]; also accepts very small pictures with one pixel for each colour."""
-    with (
-        storage.open_checked(path, picture_file.WHAT, storage.MAX_BYTES, ImageError) as file,
-        contextlib.suppress(Exception),  # `images.load` below reports any fault
-        Image.open(file, formats=("PNG", "GIF", "BMP", "WEBP", "TIFF")) as picture,
-    ):
-        if min(picture.size) < picture_file.MIN_SIDE and max(picture.size) <= picture_file.LONGEST:
-            return images.from_uint8(np.asarray(picture.convert("RGB")))
-    return images.load(path)
 
 
 def _flat_colors(picture: Tensor) -> Palette | None:

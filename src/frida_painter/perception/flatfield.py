@@ -20,6 +20,7 @@ from frida_painter.perception.rectify import photographed_pixels, rectify, requi
 from frida_painter.plan import WHITE
 
 _DEGREE = 4
+_PAIRS = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]  # degrees (down, across) of the terms
 _ROUNDS = 4
 _DIMMEST = 0.05
 _MAX_CLIPPED = 0.2
@@ -45,7 +46,7 @@ class FlatField:
     def of(cls, coefficients: Sequence[Sequence[float]]) -> Self:
         """Returns the field with these coefficients [3, terms]. Raises ValueError if they have another shape."""
         logarithm = torch.tensor(coefficients)
-        if logarithm.shape != (3, len(_pairs())):
+        if logarithm.shape != (3, len(_PAIRS)):
             raise ValueError(f"the light is of shape {tuple(logarithm.shape)}")
         return cls(logarithm)
 
@@ -59,7 +60,7 @@ class FlatField:
         overexposed, or the canvas is not bare.
         """
         step = [max(1, side // _SAMPLES) for side in bare.shape[1:]]
-        pooled = torch.nn.functional.avg_pool2d(to_linear(bare)[None], step)[0].double()  # [3, h, w]
+        pooled = functional.avg_pool2d(to_linear(bare)[None], step)[0].double()  # [3, h, w]
         if not float(pooled.median()) >= _DIMMEST:
             raise FrameRejected("The photograph of the bare canvas is too dark; bring more light.")
         if not float((bare >= 1).double().mean()) <= _MAX_CLIPPED:
@@ -86,14 +87,14 @@ class FlatField:
         bare, the field stays as it is.
         """
         step = [max(1, side // _RENEWING_SAMPLES) for side in bare.shape]
-        share = torch.nn.functional.avg_pool2d(bare[None].to(light), step)[0]  # [h, w]
+        share = functional.avg_pool2d(bare[None].to(light), step)[0]  # [h, w]
         known = (share > 0.5).flatten()
         if not float(known.double().mean()) >= _MIN_BARE:
             return self
         white = self.light(*share.shape).to(light) * to_linear(torch.tensor(ground).to(light))[:, None, None]
-        mean = torch.nn.functional.avg_pool2d(light * bare, step) / share.clamp(min=1e-3)
+        mean = functional.avg_pool2d(light * bare, step) / share.clamp(min=1e-3)
         seen = (mean / white).flatten(1)[:, known].double().clamp(min=1e-4).log()  # [3, samples]
-        broad = torch.tensor([i + j <= _RENEWING_DEGREE for i, j in _pairs()])
+        broad = torch.tensor([i + j <= _RENEWING_DEGREE for i, j in _PAIRS])
         terms = _terms(*share.shape).to(seen)[known][:, broad]  # [samples, terms]
         logarithm = self.logarithm.clone()
         logarithm[:, broad] += _fit(terms, seen)[0].to(logarithm)
@@ -106,18 +107,17 @@ class FlatField:
         down, across [places]: coordinates of the places, -1 to 1 over the canvas and a little outside
         Changes of brightness, colour and a tilt to one side are followed.
         """
-        tilt = [_pairs().index(pair) for pair in ((0, 0), (1, 0), (0, 1))]
-        terms = torch.stack((torch.ones_like(down), down, across), 1).to(change)
+        tilt = [_PAIRS.index(pair) for pair in ((0, 0), (1, 0), (0, 1))]
+        coefficients, residual = _fit(torch.stack((torch.ones_like(down), down, across), 1).to(change), change)
         logarithm = self.logarithm.clone()
-        coefficients, residual = _fit(terms, change)
         logarithm[:, tilt] += coefficients.to(logarithm)
         return type(self)(logarithm), residual
 
     def light(self, rows: int, columns: int) -> Tensor:
         """Returns the linear light that the camera sees from a white canvas: [3, rows, columns]."""
-        down, across = _chebyshev(_places(rows)).float(), _chebyshev(_places(columns)).float()  # [degree + 1, side]
+        down, across = _chebyshev(rows).float(), _chebyshev(columns).float()
         grid = self.logarithm.new_zeros(3, _DEGREE + 1, _DEGREE + 1)
-        for term, (i, j) in enumerate(_pairs()):
+        for term, (i, j) in enumerate(_PAIRS):
             grid[:, i, j] = self.logarithm[:, term]
         return (down.T @ grid @ across).exp()
 
@@ -143,21 +143,13 @@ def _fit(terms: Tensor, seen: Tensor) -> tuple[Tensor, float]:
 
 def _terms(rows: int, columns: int) -> Tensor:
     """Returns products of Chebyshev polynomials up to the degree at each pixel centre: [rows x columns, terms]."""
-    down, across = _chebyshev(_places(rows)), _chebyshev(_places(columns))  # [degree + 1, side]
-    return torch.stack([(down[i][:, None] * across[j]).flatten() for i, j in _pairs()], 1)
+    down, across = _chebyshev(rows), _chebyshev(columns)
+    return torch.stack([(down[i][:, None] * across[j]).flatten() for i, j in _PAIRS], 1)
 
 
-def _pairs() -> list[tuple[int, int]]:
-    """Returns the degrees (down, across) of the terms."""
-    return [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]
-
-
-def _places(count: int) -> Tensor:
-    """Returns the pixel centres in [-1, 1]."""
-    return (torch.arange(count, dtype=torch.float64) * 2 + 1) / count - 1
-
-
-def _chebyshev(place: Tensor) -> Tensor:
+def _chebyshev(count: int) -> Tensor:
+    """Returns the Chebyshev polynomials at `count` pixel centres in [-1, 1]: [degree + 1, count]."""
+    place = (torch.arange(count, dtype=torch.float64) * 2 + 1) / count - 1
     return torch.cos(torch.arange(_DEGREE + 1, dtype=place.dtype)[:, None] * torch.acos(place))
 
 
@@ -248,8 +240,7 @@ def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: Canva
     side = np.array([grid.columns, grid.rows])
     pixel = (place[..., ::-1].reshape(-1, 2) + 1) / 2 * side - 0.5
     seen = photographed_pixels(pixel, calibration, grid)
-    rows, columns = photograph.shape[:2]
-    inside = np.all((seen >= 0) & (seen <= np.array([columns, rows]) - 1), axis=1)
+    inside = np.all((seen >= 0) & (seen <= np.array(photograph.shape[1::-1]) - 1), axis=1)
     column, row = np.where(inside[:, None], seen, 0).round().astype(int).T
     light = light_of_bytes(photograph[row, column]).astype(np.float64)
     light[~inside] = np.nan
@@ -265,13 +256,9 @@ def _margin_places(size: CanvasSize) -> NDArray[np.float64]:
     """
     along = (np.arange(_PLACES) + 0.5) / _PLACES * 2 - 1
     step = (np.arange(_ALONG) + 0.5) / _ALONG * 2 - 1
-    half = np.array([size.height, size.width]) / 2
+    at = along[:, None, None] + step[:, None] / _PLACES + np.zeros(_ACROSS)  # [places of a side, along, across]
     sides = []
-    for down, out in ((False, -1), (True, 1), (False, 1), (True, -1)):
-        beyond = out * (1 + np.linspace(*_BAND, _ACROSS) / half[1 if down else 0])
-        at = along[:, None, None] + step[None, :, None] / _PLACES
-        away = np.broadcast_to(beyond[None, None], (_PLACES, _ALONG, _ACROSS))
-        at = np.broadcast_to(at, away.shape)
-        pair = (at, away) if down else (away, at)
-        sides.append(np.stack(pair, -1).reshape(_PLACES, -1, 2))
+    for down, out, half in ((0, -1, size.height), (1, 1, size.width), (0, 1, size.height), (1, -1, size.width)):
+        away = np.broadcast_to(out * (1 + np.linspace(*_BAND, _ACROSS) / (half / 2)), at.shape)
+        sides.append(np.stack((at, away) if down else (away, at), -1).reshape(_PLACES, -1, 2))
     return np.concatenate(sides)

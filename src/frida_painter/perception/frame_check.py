@@ -19,9 +19,9 @@ from frida_painter import images
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
-from frida_painter.frames import PixelGrid
 from frida_painter.images import to_linear
 from frida_painter.palette import to_lab
+from frida_painter.perception.rectify import pixels_per_metre
 from frida_painter.perception.registration import (
     COARSEST,
     CanvasShift,
@@ -114,16 +114,9 @@ class FrameCheck:
 
         last: a later photograph of the same canvas; None if there is none
         """
-        edge = PaperEdge.read(photograph, calibration.corners, _REACH * _pixels(calibration, size))
-        view = CanvasView.of(calibration, size)
-        return cls(
-            calibration,
-            size,
-            edge,
-            _clipped_share(photograph, calibration),
-            view,
-            view.light(photograph if last is None else last),
-        )
+        edge = PaperEdge.read(photograph, calibration.corners, _REACH * pixels_per_metre(calibration, size))
+        view, clipped = CanvasView.of(calibration, size), _clipped_share(photograph, calibration)
+        return cls(calibration, size, edge, clipped, view, view.light(photograph if last is None else last))
 
     def require(
         self, photograph: NDArray[np.uint8], seen: Tensor, expected: Expected | None, *, doubtful: bool = False
@@ -141,14 +134,34 @@ class FrameCheck:
                 "The photograph is blown out: parts of the canvas are as bright as the camera can tell. Take glare off "
                 "the canvas, bring less light, or expose shorter."
             )
-        self._require_sharp(photograph)
+        pixels = pixels_per_metre(self.calibration, self.size)
+        edge = PaperEdge.read(photograph, self.calibration.corners, _REACH * pixels)
+        blur = edge.blurring_since(self.edge)
+        if blur > max(_MAX_BLUR, _BLURRED * pixels):
+            raise FrameRejected(
+                f"The photograph is blurred: the edge of the canvas is {blur:.1f} pixels wider than it was. Focus the "
+                "camera, and see that nothing shakes it."
+            )
         found = self.register(photograph, expected)
-        self._require_uncovered(photograph)
-        self._require_unmoved(found)
+        covered = edge.covered_since(self.edge) * 2 * (self.size.width + self.size.height) / len(edge.table)
+        if covered > _MAX_COVERED:
+            raise FrameRejected(
+                f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide, or the canvas was moved "
+                "far. Take arms, hands and things out of the camera's sight, and put the canvas back."
+            )
+        away = f"{self.drift.followed_by(found.motion).corner_shift(self.size) * 1000:.1f}"
+        if found.verdict is Verdict.MOVED:
+            raise FrameRejected(
+                f"The canvas is no longer where it was: its edge is {away} mm away in the photograph. Put canvas and "
+                "camera back as they were, or repeat the canvas and robot calibrations."
+            )
         if expected is not None:
             self.require_explained(seen, expected)
-        if not doubtful:
-            self._require_sure(found)
+        if not doubtful and found.verdict is Verdict.UNSURE:
+            raise FrameDoubtful(
+                "The photograph does not tell whether the canvas is still where it was: what can be seen of it fits a "
+                f"place {away} mm away, and others. Look whether canvas or camera was moved; if neither was, go on."
+            )
         # If the result is unsure, a person has confirmed the position. A camera with large pixels cannot measure
         # slow drift: paint looks like a motion of part of a pixel, and these errors would add up.
         large = self.view.pitch if self.view.pitch > COARSEST else 0.0
@@ -159,9 +172,11 @@ class FrameCheck:
 
     def register(self, photograph: NDArray[np.uint8], expected: Expected | None) -> Registration:
         """Registers a photograph [rows, columns, 3] with the last good one."""
-        strokes = None
+        grid, strokes = self.view.grid, None
         if expected is not None:
-            before, after = (_light_of(picture, self.view.grid) for picture in (expected.before, expected.after))
+            fitted = (images.fit(picture, grid.rows, grid.columns) for picture in (expected.before, expected.after))
+            light = (to_linear(picture).permute(1, 2, 0).numpy() for picture in fitted)
+            before, after = (np.ascontiguousarray(each, np.float32) for each in light)
             strokes = before, after
         return register(self.view, self.view.light(photograph), self.last, strokes, self.drift)
 
@@ -176,50 +191,12 @@ class FrameCheck:
                 "back the light that was there when the painting was begun."
             )
 
-    def _require_sharp(self, photograph: NDArray[np.uint8]) -> None:
-        pixels = _pixels(self.calibration, self.size)
-        blur = self._edge_in(photograph).blurring_since(self.edge)
-        if blur > max(_MAX_BLUR, _BLURRED * pixels):
-            raise FrameRejected(
-                f"The photograph is blurred: the edge of the canvas is {blur:.1f} pixels wider than it was. Focus the "
-                "camera, and see that nothing shakes it."
-            )
-
-    def _require_unmoved(self, found: Registration) -> None:
-        if found.verdict is Verdict.MOVED:
-            raise FrameRejected(
-                f"The canvas is no longer where it was: its edge is {self._millimetres(found)} mm away in the "
-                "photograph. Put canvas and camera back as they were, or repeat the canvas and robot calibrations."
-            )
-
-    def _require_sure(self, found: Registration) -> None:
-        if found.verdict is Verdict.UNSURE:
-            raise FrameDoubtful(
-                "The photograph does not tell whether the canvas is still where it was: what can be seen of it fits a "
-                f"place {self._millimetres(found)} mm away, and others. Look whether canvas or camera was moved; if "
-                "neither was, go on."
-            )
-
-    def _millimetres(self, found: Registration) -> str:
-        return f"{self.drift.followed_by(found.motion).corner_shift(self.size) * 1000:.1f}"
-
-    def _require_uncovered(self, photograph: NDArray[np.uint8]) -> None:
-        edge = self._edge_in(photograph)
-        covered = edge.covered_since(self.edge) * 2 * (self.size.width + self.size.height) / len(edge.table)
-        if covered > _MAX_COVERED:
-            raise FrameRejected(
-                f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide, or the canvas was moved "
-                "far. Take arms, hands and things out of the camera's sight, and put the canvas back."
-            )
-
-    def _edge_in(self, photograph: NDArray[np.uint8]) -> PaperEdge:
-        return PaperEdge.read(photograph, self.calibration.corners, _REACH * _pixels(self.calibration, self.size))
-
     def require_explained(self, seen: Tensor, expected: Expected) -> None:
         """Raises FrameRejected if the canvas in the photograph shows something that was not painted."""
         strange = expected.strange(seen, self.size).numpy().astype(np.uint8)
         count, _, pieces, _ = cv2.connectedComponentsWithStats(strange, connectivity=4)
-        area = max((int(piece[cv2.CC_STAT_AREA]) for piece in pieces[1:count]), default=0) * _cell_area(self.size)
+        cell = self.size.width * self.size.height / strange.size
+        area = max((int(piece[cv2.CC_STAT_AREA]) for piece in pieces[1:count]), default=0) * cell
         if area > _MAX_UNEXPLAINED:
             raise FrameRejected(
                 f"Something is in the way, or this is not the canvas as it was: {area * 1e4:.0f} cm2 of it show what "
@@ -231,28 +208,10 @@ def _shape(size: CanvasSize) -> tuple[int, int]:
     return max(2, round(size.height / _CELL)), max(2, round(size.width / _CELL))
 
 
-def _light_of(picture: Tensor, grid: PixelGrid) -> Pixels:
-    """Returns linear light [rows, columns, 3] of a picture [3, H, W]."""
-    light = to_linear(images.fit(picture, grid.rows, grid.columns))
-    return np.ascontiguousarray(light.permute(1, 2, 0).numpy(), np.float32)
-
-
-def _cell_area(size: CanvasSize) -> float:
-    rows, columns = _shape(size)
-    return size.width * size.height / (rows * columns)
-
-
 def _cells(picture: Tensor, size: CanvasSize) -> Tensor:
     """Returns the picture [3, H, W] in coarse squares, CIELAB [3, rows, columns]."""
     coarse = functional.adaptive_avg_pool2d(picture[None], _shape(size))[0]
     return to_lab(coarse.permute(1, 2, 0)).permute(2, 0, 1)
-
-
-def _pixels(calibration: Calibration, size: CanvasSize) -> float:
-    """Returns the pixels of the photograph per metre of the canvas."""
-    corners = np.array(calibration.corners)
-    top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
-    return float(top + right + bottom + left) / (2 * (size.width + size.height))
 
 
 def _clipped_share(photograph: NDArray[np.uint8], calibration: Calibration) -> float:

@@ -3,11 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.optimize import least_squares
 from torch import Tensor
 
 from frida_painter.calibration import Corners
@@ -165,47 +168,40 @@ def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | No
         straight = [lens(bending).undistort(points) for points in sides]
         return np.concatenate([_distance(_line(points), points) for points in straight])
 
-    bending, step = 0.0, 1e-3
-    for _ in range(_ROUNDS):  # Gauss-Newton method
-        change = (off(bending + step) - off(bending - step)) / (2 * step)
-        left = off(bending)
-        bending = float(np.clip(bending - change @ left / (change @ change), -_BELIEVABLE, _BELIEVABLE))
-    deviation = float(np.sqrt(np.mean(np.square(off(bending))) / (change @ change)))
+    found = least_squares(lambda unknown: off(float(unknown[0])), 0.0, bounds=(-_BELIEVABLE, _BELIEVABLE))
+    bending, change = float(found.x[0]), found.jac[:, 0]
+    deviation = float(np.sqrt(np.mean(np.square(found.fun)) / (change @ change)))
     return lens(bending) if _CERTAIN * deviation < abs(bending) < _BELIEVABLE else None
 
 
-@dataclass(frozen=True)
-class _Line:
-    """Line of all points p with normal . p = distance."""
-
-    normal: NDArray[np.float64]
-    distance: float
+Line = tuple[NDArray[np.float64], float]
+"""Normal and distance: a line of all points p with normal . p = distance."""
 
 
-def _line(points: NDArray[np.float64]) -> _Line:
+def _line(points: NDArray[np.float64]) -> Line:
     """Returns the best line through points [k, 2], with falling weights of outliers."""
     weight = np.ones(len(points))
     for _ in range(_ROUNDS):
         middle = weight @ points / weight.sum()
         spread = (points - middle) * np.sqrt(weight)[:, None]
         normal = np.linalg.eigh(spread.T @ spread)[1][:, 0]
-        line = _Line(normal, float(normal @ middle))
+        line = normal, float(normal @ middle)
         away = _distance(line, points)
         usual = 1.5 * np.median(np.abs(away)) + 1e-3
         weight = 1 / (1 + (away / (3 * usual)) ** 2) ** 2
     return line
 
 
-def _distance(line: _Line, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    return points @ line.normal - line.distance
+def _distance(line: Line, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return points @ line[0] - line[1]
 
 
-def _meeting(one: _Line, other: _Line) -> NDArray[np.float64]:
+def _meeting(one: Line, other: Line) -> NDArray[np.float64]:
     """Returns the intersection of two lines, [2]; NaN if they are parallel."""
-    matrix = np.stack((one.normal, other.normal))
+    matrix = np.stack((one[0], other[0]))
     if not abs(np.linalg.det(matrix)) > 1e-6:
         return np.full(2, np.nan)
-    return np.linalg.solve(matrix, np.array([one.distance, other.distance]))
+    return np.linalg.solve(matrix, np.array([one[1], other[1]]))
 
 
 _SMALL = 400  # longest side of the picture in which candidates are searched
@@ -362,8 +358,7 @@ _MAX_TURN = np.tan(np.radians(20))
 _MAX_SCALE = 0.1
 
 
-@dataclass(frozen=True)
-class Match:
+class Match(NamedTuple):
     """Pairs of intended and visible dots, as indices.
 
     meant [k]: indices of intended dots
@@ -373,9 +368,6 @@ class Match:
     meant: NDArray[np.intp]
     seen: NDArray[np.intp]
 
-    def __len__(self) -> int:
-        return len(self.meant)
-
 
 def find_dots(before: Tensor, after: Tensor, grid: PixelGrid) -> NDArray[np.float64]:
     """Returns the centres of round new marks of similar size, canvas metres [n, 2].
@@ -384,30 +376,17 @@ def find_dots(before: Tensor, after: Tensor, grid: PixelGrid) -> NDArray[np.floa
     The centre is that of the added paint, weighted by its coverage.
     """
     bare, seen = to_linear(before).mean(0), to_linear(after).mean(0)
-    covered = (1 - seen / bare.clamp(min=1e-3)).clamp(0, 1).numpy()
-    covered = np.asarray(cv2.medianBlur(covered, 3), np.float32)
-    count, label, facts, _ = cv2.connectedComponentsWithStats((covered > _FAINTEST).astype(np.uint8))
-    dots: list[tuple[float, float]] = []
-    areas: list[float] = []
-    for number in range(1, count):
-        left, top, width, height, area = (int(fact) for fact in facts[number])
-        if area < _DOTS_SMALLEST:
-            continue
-        box = np.s_[top : top + height, left : left + width]
-        weight = np.where(label[box] == number, covered[box], 0)
-        rows, columns = np.indices(weight.shape)
-        row, column = (weight * rows).sum() / weight.sum(), (weight * columns).sum() / weight.sum()
-        inside = np.argwhere(label[box] == number)[:, ::-1]
-        _, radius = cv2.minEnclosingCircle(inside.astype(np.float32))
-        if area >= _SOLID * np.pi * (radius + 0.5) ** 2:
-            dots.append((left + float(column), top + float(row)))
-            areas.append(float(area))
-    if not dots:
+    covered = np.asarray(cv2.medianBlur((1 - seen / bare.clamp(min=1e-3)).clamp(0, 1).numpy(), 3), np.float32)
+    _, label, facts, _ = cv2.connectedComponentsWithStats((covered > _FAINTEST).astype(np.uint8))
+    number, (width, height), area = np.arange(len(facts)), facts[:, 2:4].T, facts[:, cv2.CC_STAT_AREA]
+    solid = area >= _SOLID * np.pi * (np.maximum(width, height) / 2 + 0.5) ** 2
+    number = number[solid & (area >= _DOTS_SMALLEST) & (number > 0)]
+    if not len(number):
         return np.empty((0, 2))
-    usual = np.median(sorted(areas)[-_MAX_SPOTS:])
-    alike = (np.array(areas) < _ODDEST_AREA * usual) & (np.array(areas) > usual / _ODDEST_AREA)
-    chosen = np.array(dots)[alike][:_MAX_SPOTS]
-    return np.asarray(grid.to_canvas(torch.from_numpy(chosen)).numpy(), np.float64)
+    usual = np.median(np.sort(area[number])[-_MAX_SPOTS:])
+    number = number[(area[number] < _ODDEST_AREA * usual) & (area[number] > usual / _ODDEST_AREA)][:_MAX_SPOTS]
+    middle = np.array(ndimage.center_of_mass(covered, label, number))[:, ::-1].copy()
+    return np.asarray(grid.to_canvas(torch.from_numpy(middle)).numpy(), np.float64)
 
 
 def match_dots(meant: NDArray[np.float64], seen: NDArray[np.float64], *, reach: float, tolerance: float) -> Match:
@@ -418,28 +397,18 @@ def match_dots(meant: NDArray[np.float64], seen: NDArray[np.float64], *, reach: 
     tolerance: largest distance from the place that the other dots predict in metres
     All pairs of dots are tried, not a random sample (M. Fischler and R. Bolles, "Random sample consensus", 1981).
     """
-    nothing = Match(np.empty(0, np.intp), np.empty(0, np.intp))
-    near = np.linalg.norm(seen[None] - meant[:, None], axis=-1) <= reach if len(seen) else np.zeros((len(meant), 0))
-    pairs = np.argwhere(near)
-    best = nothing
-    complex_meant, complex_seen = meant @ (1, 1j), seen @ (1, 1j)
-    for (i, a), (j, b) in combinations(pairs.tolist(), 2):
+    best, number = Match(np.empty(0, np.intp), np.empty(0, np.intp)), np.arange(len(meant))
+    here, there = meant @ (1, 1j), seen @ (1, 1j)
+    near = np.argwhere(np.abs(there[None] - here[:, None]) <= reach)
+    for (i, a), (j, b) in combinations(near.tolist(), 2):
         if i == j or a == b:
             continue
-        growth = (complex_seen[b] - complex_seen[a]) / (complex_meant[j] - complex_meant[i])
+        growth = (there[b] - there[a]) / (here[j] - here[i])
         if not (abs(abs(growth) - 1) <= _MAX_SCALE and abs(growth.imag) <= _MAX_TURN * growth.real):
             continue
-        expected = complex_seen[a] + growth * (complex_meant - complex_meant[i])
-        found = _nearest(expected, complex_seen, tolerance)
-        if len(found) > len(best):
-            best = found
+        away = np.abs(there[None] - (there[a] + growth * (here - here[i]))[:, None])
+        mine, theirs = away.argmin(1), away.argmin(0)
+        good = (theirs[mine] == number) & (away[number, mine] <= tolerance)  # mutually nearest
+        if good.sum() > len(best.meant):
+            best = Match(number[good], mine[good])
     return best
-
-
-def _nearest(expected: NDArray[np.complexfloating], seen: NDArray[np.complexfloating], tolerance: float) -> Match:
-    """Returns pairs of mutually nearest dots within the tolerance."""
-    away = np.abs(seen[None] - expected[:, None])
-    mine, theirs = away.argmin(1), away.argmin(0)
-    number = np.arange(len(expected))
-    good = (theirs[mine] == number) & (away[number, mine] <= tolerance)
-    return Match(number[good], mine[good])

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import Lens, PixelGrid
 from frida_painter.images import light_of_bytes, to_srgb
@@ -64,29 +65,27 @@ def fit_homography(meant: NDArray[np.float64], seen: NDArray[np.float64]) -> Fit
     Raises CalibrationError if there are too few places, or if the fit is singular or mirrored.
     """
     there = np.asarray(np.isfinite(meant).all(1) & np.isfinite(seen).all(1), bool)
-    fit = _simplest(meant, seen, there)
+    fit = _fit_simplest(meant, seen, there)
     for _ in range(_ROUNDS):
         usual = max(float(np.median(fit.off[fit.used])), 1e-9)
         used = np.asarray(there & (fit.off <= _OUTLYING * usual), bool)
         if used.sum() < FEWEST or (used == fit.used).all():
             break
-        fit = _simplest(meant, seen, used)
+        fit = _fit_simplest(meant, seen, used)
     _refuse_impossible(fit.matrix, meant[fit.used])
     return fit
 
 
-def _simplest(meant: NDArray[np.float64], seen: NDArray[np.float64], used: NDArray[np.bool_]) -> Fit:
-    if not used.sum() >= FEWEST:
+def _fit_simplest(meant: NDArray[np.float64], seen: NDArray[np.float64], used: NDArray[np.bool_]) -> Fit:
+    numbers, fits = 2 * int(used.sum()), []
+    if not numbers >= 2 * FEWEST:
         raise CalibrationError(
             f"A placement was to be fitted to {used.sum()} places; {FEWEST} are needed. Repeat the robot calibration."
         )
-    fits = []
-    numbers = 2 * int(used.sum())
-    for kind, freedom, fitted in (("similarity", 4, _similarity), ("affine", 6, _affine), ("homography", 8, _full)):
+    for kind, unknowns, fitted in (("similarity", 5, _similarity), ("affine", 7, _affine), ("homography", 9, _full)):
         matrix = fitted(meant[used], seen[used])
         off = np.linalg.norm(apply(matrix, meant) - seen, axis=1)
-        variance = max(float(np.mean(off[used] ** 2)) / 2, 1e-18)
-        unknowns = freedom + 1
+        variance = max(float(np.mean(off[used] ** 2)) / 2, 1e-18)  # one of the unknowns
         correction = 2 * unknowns * (unknowns + 1) / max(numbers - unknowns - 1, 1)
         fits.append((numbers * np.log(variance) + 2 * unknowns + correction, Fit(matrix, kind, off, used)))
     return min(fits, key=lambda scored: scored[0])[1]
@@ -165,21 +164,21 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     photographed = light_of_bytes(photograph)
     require_some_light(photographed)
     if calibration.lens is None:
-        light = cv2.warpPerspective(
-            photographed,
-            to_photograph,
-            (columns, rows),
-            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-            borderMode=cv2.BORDER_REPLICATE,
-        )
+        way = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        size = columns, rows
+        light = cv2.warpPerspective(photographed, to_photograph, size, flags=way, borderMode=cv2.BORDER_REPLICATE)
     else:
         column, row = _distort(calibration.lens, to_photograph, rows, columns)
         light = cv2.remap(photographed, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    light = _without_rim(np.asarray(light, np.float32), calibration)
+    # The outermost samples fall into photograph pixels that show some of the table, which would look like a dark line
+    # along the canvas edge: their inner neighbours take their places.
+    light = np.asarray(light, np.float32)
+    across, down = _rim(calibration, rows, columns)
+    light[:, :across], light[:, columns - across :] = light[:, across, None], light[:, columns - 1 - across, None]
+    light[:down], light[rows - down :] = light[down], light[rows - 1 - down]
     if fineness > 1:
         light = cv2.resize(light, (grid.columns, grid.rows), interpolation=cv2.INTER_AREA)
-    picture = torch.from_numpy(np.ascontiguousarray(light.transpose(2, 0, 1)))
-    return to_srgb(picture)
+    return to_srgb(torch.from_numpy(np.ascontiguousarray(light.transpose(2, 0, 1))))
 
 
 def sampling_places(calibration: Calibration, grid: PixelGrid) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -280,34 +279,26 @@ def require_photograph(photograph: NDArray[np.uint8], calibration: Calibration) 
         )
 
 
-def _without_rim(light: NDArray[np.float32], calibration: Calibration) -> NDArray[np.float32]:
-    """Replaces the outermost samples by their inner neighbours, in place, and returns the array.
-
-    The outermost samples fall into photograph pixels that show some of the table, which would look like a dark
-    line along the canvas edge. A copy of the array would take a tenth of a second.
-    """
-    rows, columns = light.shape[:2]
-    across, down = _rim(calibration, rows, columns)
-    light[:, :across], light[:, columns - across :] = light[:, across, None], light[:, columns - 1 - across, None]
-    light[:down], light[rows - down :] = light[down], light[rows - 1 - down]
-    return light
-
-
 def _rim(calibration: Calibration, rows: int, columns: int) -> tuple[int, int]:
     """Returns the width of the rim in samples: (left and right, top and bottom)."""
-    top, right, bottom, left = _sides(calibration)
+    top, right, bottom, left = list_sides(calibration)
     return math.ceil(_RIM * columns / min(top, bottom)), math.ceil(_RIM * rows / min(left, right))
 
 
-def _sides(calibration: Calibration) -> tuple[float, float, float, float]:
+def list_sides(calibration: Calibration) -> tuple[float, float, float, float]:
     """Returns the lengths of the canvas's top, right, bottom and left side in photograph pixels."""
     corners = np.array(calibration.corners)
     top, right, bottom, left = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).tolist()
     return top, right, bottom, left
 
 
+def pixels_per_metre(calibration: Calibration, size: CanvasSize) -> float:
+    """Returns the pixels of the photograph per metre of the canvas, averaged over its sides."""
+    return sum(list_sides(calibration)) / (2 * (size.width + size.height))
+
+
 def _fineness(calibration: Calibration, grid: PixelGrid) -> int:
     """Returns the number of samples along each side of a grid pixel that reaches each photograph pixel."""
-    top, right, bottom, left = _sides(calibration)
+    top, right, bottom, left = list_sides(calibration)
     denser = max(top / grid.columns, bottom / grid.columns, left / grid.rows, right / grid.rows)
     return min(_FINEST, max(1, math.ceil(denser)))

@@ -10,6 +10,7 @@ the verdict.
 import math
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cache
 from typing import Self
 
 import cv2
@@ -20,7 +21,7 @@ from frida_painter.calibration import Calibration, Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.images import light_of_bytes
-from frida_painter.perception.rectify import photographed_pixels
+from frida_painter.perception.rectify import photographed_pixels, pixels_per_metre
 
 # Edge of a sheet of paper in a photograph, to detect motion and blur
 #
@@ -43,22 +44,15 @@ class PaperEdge:
 
     place, outward [4 x 48, 2]: points (column, row) around the paper, and the direction outwards
     offset [4 x 48]: distance of the edge from its point outwards in pixels; NaN if it is not visible
-    softness: median of `width`; NaN if the edge is not visible
-    visible: True if the edge is visible at most places of each side
-
     width [4 x 48]: pixels between a fifth and four fifths of the step; NaN if it is not visible
     table [4 x 48]: linear light just outside the edge
-    inside [4 x 48]: linear light just inside the edge
     """
 
     place: NDArray[np.float64]
     outward: NDArray[np.float64]
     offset: NDArray[np.float64]
-    softness: float
-    visible: bool
     width: NDArray[np.float64]
     table: NDArray[np.float64]
-    inside: NDArray[np.float64]
 
     @classmethod
     def read(cls, photograph: NDArray[np.uint8], corners: Corners, reach: float) -> Self:
@@ -75,9 +69,8 @@ class PaperEdge:
         outward = np.repeat(outward, _PLACES, 0)
         step = np.arange(-reach, reach + 0.5 / _FINE, 1 / _FINE)
         samples = (place[:, None] + step[:, None] * outward[:, None]).astype(np.float32)
-        seen = cv2.remap(
-            photograph, samples[..., 0], samples[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-        )
+        column, row = samples[..., 0], samples[..., 1]
+        seen = cv2.remap(photograph, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         light = light_of_bytes(np.asarray(seen, np.uint8)).mean(2)  # [places, steps]
         light = cv2.blur(light, (_FINE + 1, 1))
         outside = np.median(light[:, -len(step) // 5 :], 1)
@@ -85,11 +78,17 @@ class PaperEdge:
         rise = np.where(np.abs(inside - outside) >= _MIN_STEP, inside - outside, np.nan)
         height = (light - outside[:, None]) / rise[:, None]  # 0 for the table, 1 for the paper
         offset, near, far = (_first_above(height, level, step) for level in (0.5, 0.8, 0.2))
-        soft = far - near
-        visible = bool((np.isfinite(offset).reshape(4, _PLACES).mean(1) >= _MIN_SEEN).all())
-        return cls(
-            place, outward, offset, float(np.nanmedian(soft)) if visible else math.nan, visible, soft, outside, inside
-        )
+        return cls(place, outward, offset, far - near, outside)
+
+    @property
+    def visible(self) -> bool:
+        """True if the edge is visible at most places of each side."""
+        return bool((_shares_known(self.offset) >= _MIN_SEEN).all())
+
+    @property
+    def softness(self) -> float:
+        """Median of `width`; NaN if the edge is not visible."""
+        return float(np.nanmedian(self.width)) if self.visible else math.nan
 
     @property
     def beside(self) -> float:
@@ -101,32 +100,27 @@ class PaperEdge:
 
         Infinity if the edge is no longer visible; NaN if it was not visible before.
         """
-        if not earlier.visible:
-            return math.nan
-        if not self.visible:
-            return math.inf
+        if not (self.visible and earlier.visible):
+            return math.inf if earlier.visible else math.nan
         return self._motion(self.offset - earlier.offset)
 
     def blurring_since(self, earlier: Self) -> float:
-        """Returns the median widening of the edge in pixels; NaN if too little of it is visible."""
+        """Returns the median widening of the edge in pixels; NaN unless a fifth of at least three sides is visible."""
         wider = self.width - earlier.width
-        return float(np.nanmedian(wider)) if _enough(wider) else math.nan
+        return float(np.nanmedian(wider)) if (_shares_known(wider) >= _MIN_LEFT).sum() >= 3 else math.nan
 
     def covered_since(self, earlier: Self) -> int:
         """Returns the largest number of consecutive places at which something new reaches over the edge.
 
         A change of the light does not count.
         """
-        strange = _is_other(self.table, earlier.table, self._brighter_than(earlier))
+        share = (self.table + _DIMMEST) / (earlier.table + _DIMMEST)
+        strange = np.abs(np.log(share / float(np.median(share)))) > _OTHER_LIGHT  # the lamps may be brighter
         longest = run = 0
         for place in np.concatenate((strange, strange)):  # goes on past the first corner
             run = run + 1 if place else 0
             longest = max(longest, run)
         return min(longest, len(strange))
-
-    def _brighter_than(self, earlier: Self) -> float:
-        """Returns the ratio of the lamps' brightness to the earlier one, as the median over the table."""
-        return float(np.median((self.table + _DIMMEST) / (earlier.table + _DIMMEST)))
 
     def _motion(self, outwards: NDArray[np.float64]) -> float:
         """Returns the largest motion of a corner for the shift and rotation that fit the outward motions [n]."""
@@ -149,18 +143,9 @@ class PaperEdge:
         return float(np.linalg.norm(ways, axis=1).max())
 
 
-def _is_other(light: NDArray[np.float64], earlier: NDArray[np.float64], brighter: float) -> NDArray[np.bool_]:
-    """Returns the mask of places with another light than before, after correction for the lamps.
-
-    brighter: ratio of the lamps' brightness to the earlier one
-    """
-    share = (light + _DIMMEST) / (earlier + _DIMMEST) / brighter
-    return np.asarray(np.abs(np.log(share)) > _OTHER_LIGHT)
-
-
-def _enough(values: NDArray[np.float64]) -> bool:
-    """Returns True if values [4 x 48] are known at a fifth of the places of at least three sides."""
-    return bool((np.isfinite(values).reshape(4, _PLACES).mean(1) >= _MIN_LEFT).sum() >= 3)
+def _shares_known(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the share of known values [4 x 48] on each side, [4]."""
+    return np.asarray(np.isfinite(values).reshape(4, _PLACES).mean(1), np.float64)
 
 
 def _first_above(height: NDArray[np.float64], level: float, step: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -191,10 +176,7 @@ _SMOOTHNESS = 0.7  # pixels, standard deviation; equal smoothness on and between
 _RIM = 4  # pixels on each side of the canvas edge that show its blur
 _BLUR = 0.8  # pixels, standard deviation of that blur
 _WITNESSES, _WIDEST = 20, 12  # number of witnesses along the shorter side; largest side in pixels
-_FAINT, _LOUD = (
-    1 / 15,
-    4 / 15,
-)  # parts of a witness's side, in worse pixels: hardly counts; counts fully
+_FAINT, _LOUD = 1 / 15, 4 / 15  # parts of a witness's side, in worse pixels: hardly counts; counts fully
 _MURMUR = 0.02  # share of a witness's pixels that is ignored
 _STRANGE = 0.5  # misfit of an area in which a person may have painted
 _PATCH = 13  # pixels; side of a square that changed as a whole, not by a motion
@@ -281,14 +263,10 @@ class Registration:
 
     verdict: judgement of this motion together with the earlier drift
     motion: most likely motion
-    deviation: standard deviations of its four numbers
-    evidence: agreement of the witnesses in standard deviations; positive for a motion, negative for none
     """
 
     verdict: Verdict
     motion: CanvasShift
-    deviation: CanvasShift
-    evidence: float
 
 
 @dataclass(frozen=True)
@@ -313,8 +291,7 @@ class CanvasView:
     @classmethod
     def of(cls, calibration: Calibration, size: CanvasSize) -> Self:
         """Returns the view of a calibration record."""
-        sides = np.linalg.norm(np.roll(calibration.corners, -1, 0) - np.array(calibration.corners), axis=1)
-        finest = 2 * (size.width + size.height) / float(sides.sum())  # a pixel of the photograph
+        finest = 1 / pixels_per_metre(calibration, size)
         pitch = max(finest, min(COARSEST, size.width / _ROWS, size.height / _ROWS))
         around = round(_AROUND / pitch)
         grid = PixelGrid(size, round(size.height / pitch), round(size.width / pitch))
@@ -325,15 +302,9 @@ class CanvasView:
         in_sight = np.asarray(((seen >= 0) & (seen <= (columns - 1, rows - 1))).all(2), np.bool_)  # NaN gives False
         canvas = np.asarray(((place >= 0) & (place < (grid.columns, grid.rows))).all(2), np.bool_)
         column, row = np.nan_to_num(seen, nan=-1.0).astype(np.float32).transpose(2, 0, 1)
-        return cls(
-            grid,
-            np.ascontiguousarray(column),
-            np.ascontiguousarray(row),
-            canvas,
-            in_sight,
-            2 * int(pitch / finest / 2) + 1,
-            pitch,
-        )
+        smoothing = 2 * int(pitch / finest / 2) + 1
+        places = np.ascontiguousarray(column), np.ascontiguousarray(row)
+        return cls(grid, *places, canvas, in_sight, smoothing, pitch)
 
     def light(self, photograph: NDArray[np.uint8]) -> Pixels:
         """Returns the logarithm of light [rows, columns, 3] of a photograph [H, W, 3], uint8 sRGB."""
@@ -392,10 +363,8 @@ class _Scene:
         misfit = np.where(~on_table & (touched > 0), np.minimum(misfit, self.as_paint), misfit)
         return np.asarray(misfit * (known > 0.99), np.float32)
 
-    def refine(
-        self, motion: CanvasShift, noises: tuple[float, ...], *, grows: bool = True
-    ) -> tuple[CanvasShift, NDArray[np.float64]]:
-        """Returns the best motion near `motion`, and the covariance of its four numbers [4, 4].
+    def refine(self, motion: CanvasShift, noises: tuple[float, ...], *, grows: bool = True) -> CanvasShift:
+        """Returns the best motion near `motion`.
 
         noises: noise of each iteration
         grows: True to fit the scale as well
@@ -403,7 +372,6 @@ class _Scene:
         """
         step = np.array([0.3 * self.pitch, 0.3 * self.pitch, 0.5 * self.pitch / 0.2, 0.5 * self.pitch / 0.2])
         loose = np.diag(step**-2) * 1e-3
-        covariance = np.linalg.inv(loose)
         for noise in noises:
             expected, _, known, touched = self._move(motion)
             off = self.seen - expected
@@ -420,55 +388,34 @@ class _Scene:
             weighted = j * w[:, None, None]
             normal = np.einsum("pci,pcj->ij", weighted, j).astype(np.float64) + loose * step[:, None] * step
             pull = np.einsum("pci,pc->i", weighted, r).astype(np.float64)
-            way = np.linalg.solve(normal, pull) * step
-            motion = CanvasShift.of(motion.values + way)
-            voices = self._voices(np.einsum("rcki,rck->rci", slope, off) * weight[..., None])
-            spread = np.linalg.inv(normal)
-            covariance = step[:, None] * (spread @ (voices.T @ voices) @ spread) * step
-        return motion, np.asarray(covariance, np.float64)
+            motion = CanvasShift.of(motion.values + np.linalg.solve(normal, pull) * step)
+        return motion
 
     def votes(self, better: CanvasShift, worse: CanvasShift) -> float:
         """Returns the witnesses' agreement, in standard deviations, that `better` fits the photograph better."""
-        voices = self._voices((self.misfit(worse) - self.misfit(better))[..., None])[:, 0]
-        murmur = _MURMUR * self._witness**2
-        voices = np.sign(voices) * np.maximum(np.abs(voices) - murmur, 0)
-        loud = np.tanh(voices / (_LOUD * self._witness))
+        side = min(_WIDEST, max(2, min(self.canvas.shape) // _WITNESSES))  # of a witness in pixels
+        rows, columns = self.canvas.shape
+        high, wide = -(-rows // side), -(-columns // side)
+        padded = np.zeros((high * side, wide * side), np.float64)
+        padded[:rows, :columns] = self.misfit(worse) - self.misfit(better)
+        voices = padded.reshape(high, side, wide, side).sum((1, 3)).ravel()
+        voices = np.sign(voices) * np.maximum(np.abs(voices) - _MURMUR * side**2, 0)
+        loud = np.tanh(voices / (_LOUD * side))
         return float(loud.sum() / math.sqrt((loud**2).sum() + (_FAINT / _LOUD) ** 2))
 
-    @property
-    def _witness(self) -> int:
-        """Side of a witness in pixels."""
-        return min(_WIDEST, max(2, min(self.canvas.shape) // _WITNESSES))
-
-    def _voices(self, each: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Returns sums over squares of pixels [rows, columns, k]: [squares, k]."""
-        rows, columns, k = each.shape
-        side = self._witness
-        high, wide = -(-rows // side), -(-columns // side)
-        padded = np.zeros((high * side, wide * side, k), np.float64)
-        padded[:rows, :columns] = each
-        return padded.reshape(high, side, wide, side, k).sum((1, 3)).reshape(-1, k)
-
     def _move(self, motion: CanvasShift) -> tuple[Pixels, Pixels, Pixels, Pixels]:
-        expected = self._warp(self.expected, motion)
-        canvas = self._warp(self.canvas, motion)
-        known = self._warp(self.known, motion) * (self.known > 0.99)
-        touched = self._warp(self.touched, motion)
-        return expected, canvas, known, touched
+        """Returns what is expected, the canvas, what can be compared, and the new strokes, after a motion."""
+        expected, canvas, known, touched = (
+            self._warp(each, motion) for each in (self.expected, self.canvas, self.known, self.touched)
+        )
+        return expected, canvas, known * (self.known > 0.99), touched
 
     def _warp(self, picture: Pixels, motion: CanvasShift) -> Pixels:
         rows, columns = self.canvas.shape
         matrix = motion.to_source(((columns - 1) / 2, (rows - 1) / 2), self.pitch)
-        return np.asarray(
-            cv2.warpAffine(
-                picture,
-                matrix,
-                (columns, rows),
-                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-                borderMode=cv2.BORDER_REPLICATE,
-            ),
-            np.float32,
-        )
+        way = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        moved = cv2.warpAffine(picture, matrix, (columns, rows), flags=way, borderMode=cv2.BORDER_REPLICATE)
+        return np.asarray(moved, np.float32)
 
 
 def register(
@@ -488,27 +435,24 @@ def register(
     """
     scene = _scene(view, seen, before, strokes)
     size = view.grid.size
-    best, covariance = _best(scene, size)
-    deviation = CanvasShift.of(np.sqrt(np.maximum(np.diag(covariance), 0)))
+    best = _find_best(scene, size)
     whole = drift.followed_by(best)
     how_large = whole.size(size) / max(1.0, view.pitch / MAX_SHIFT)  # large pixels show no smaller motion
     if how_large > 1:
         back = CanvasShift.of(best.values - (1 - _WELL_WITHIN / how_large) * whole.values)
         still = min((back, CanvasShift()), key=lambda each: float(scene.misfit(each).sum()))
-        evidence = scene.votes(best, still)
-        verdict = Verdict.MOVED if evidence >= _SURE else Verdict.UNSURE
-        return Registration(verdict, best, deviation, evidence)
-    evidence = _stillness(scene, best, size)
-    sure = evidence >= _SURE_STILL or _stillness(_scene(view, before, before, None), CanvasShift(), size) < _SURE_STILL
-    return Registration(Verdict.STILL if sure else Verdict.UNSURE, best, deviation, -evidence)
+        return Registration(Verdict.MOVED if scene.votes(best, still) >= _SURE else Verdict.UNSURE, best)
+    sure = _stillness(scene, best, size) >= _SURE_STILL
+    sure = sure or _stillness(_scene(view, before, before, None), CanvasShift(), size) < _SURE_STILL
+    return Registration(Verdict.STILL if sure else Verdict.UNSURE, best)
 
 
 def _stillness(scene: _Scene, best: CanvasShift, size: CanvasSize) -> float:
     """Returns the least agreement of the witnesses, in standard deviations, for the best motion against larger ones."""
-    return min(scene.votes(best, best.followed_by(rival)) for rival in _rivals(size))
+    return min(scene.votes(best, best.followed_by(rival)) for rival in _list_rivals(size))
 
 
-def _rivals(size: CanvasSize) -> list[CanvasShift]:
+def _list_rivals(size: CanvasSize) -> list[CanvasShift]:
     """Returns motions slightly above the limit; a canvas is still if none of them explains a photograph as well."""
     far = 1.2 * MAX_SHIFT
     shifts = [CanvasShift(far * math.cos(angle), far * math.sin(angle)) for angle in np.arange(8) * math.pi / 4]
@@ -516,37 +460,33 @@ def _rivals(size: CanvasSize) -> list[CanvasShift]:
     return [*shifts, CanvasShift(turn=turn), CanvasShift(turn=-turn)]
 
 
-def _best(fine: _Scene, size: CanvasSize) -> tuple[CanvasShift, NDArray[np.float64]]:
-    """Returns the motion that explains most of the photograph, by a coarse-to-fine search, and its covariance."""
-    coarse = fine.coarser()
+def _find_best(fine: _Scene, size: CanvasSize) -> CanvasShift:
+    """Returns the motion that explains most of the photograph, by a coarse-to-fine search."""
+
+    @cache
+    def loss(motion: CanvasShift) -> float:
+        return float(fine.misfit(motion).sum())
+
+    coarse, none = fine.coarser(), CanvasShift()
     step = 2 * max(coarse.pitch, _REACH / 6)
     count = int(_REACH / step)
     grid = [CanvasShift(step * x, step * y) for x in range(-count, count + 1) for y in range(-count, count + 1)]
-    reach = math.hypot(size.width, size.height) / 2
-    grid += [CanvasShift(turn=way * 2 * step / reach) for way in (-3, -2, -1, 1, 2, 3)]
-    grid += [CanvasShift(growth=way * 2 * step / reach) for way in (-3, -2, -1, 1, 2, 3)]
+    ways = [way * 2 * step / (math.hypot(size.width, size.height) / 2) for way in (-3, -2, -1, 1, 2, 3)]
+    grid += [CanvasShift(turn=way) for way in ways] + [CanvasShift(growth=way) for way in ways]
     ranking = np.argsort([float(coarse.misfit(motion, _SOFTEST / 3).sum()) for motion in grid])
-    starts = (
-        [CanvasShift()] if grid[ranking[0]] == CanvasShift() else [CanvasShift(), *(grid[at] for at in ranking[:3])]
-    )
+    starts = [none] if grid[ranking[0]] == none else [none, *(grid[at] for at in ranking[:3])]
     found = []
     for start in starts:
-        noises: tuple[float, ...] = (_SOFTEST, _SOFTEST, _SOFTEST / 2, _SOFTEST / 2, _SOFTEST / 4, _NOISE)
-        motion, _ = coarse.refine(start, noises, grows=start.growth != 0)
+        noises = (_SOFTEST, _SOFTEST, _SOFTEST / 2, _SOFTEST / 2, _SOFTEST / 4, _NOISE)
+        motion = coarse.refine(start, noises, grows=start.growth != 0)
         found.append(motion if motion.corner_shift(size) < 2 * _REACH else start)
-    coarsely = min(found, key=lambda motion: float(fine.misfit(motion).sum()))
     closer = (_SOFTEST / 4, _NOISE, _NOISE, _NOISE)
-    known = [fine.refine(start, closer, grows=start.growth != 0) for start in dict.fromkeys((coarsely, CanvasShift()))]
-    known.append(fine.refine(min(known, key=lambda each: float(fine.misfit(each[0]).sum()))[0], closer[1:]))
-    loss = {CanvasShift(): (float(fine.misfit(CanvasShift()).sum()), known[-1][1])}
-    loss |= {motion: (float(fine.misfit(motion).sum()), covariance) for motion, covariance in known}
-    best = min(loss, key=lambda motion: loss[motion][0])
-    rival = min((best.followed_by(each) for each in _rivals(size)), key=lambda motion: float(fine.misfit(motion).sum()))
-    if float(fine.misfit(rival).sum()) < loss[best][0]:
-        motion, covariance = fine.refine(rival, (_SOFTEST / 4, _NOISE, _NOISE, _NOISE))
-        loss |= {each: (float(fine.misfit(each).sum()), covariance) for each in (rival, motion)}
-        best = min(loss, key=lambda motion: loss[motion][0])
-    return best, loss[best][1]
+    near = dict.fromkeys((min(found, key=loss), none))
+    known = [fine.refine(start, closer, grows=start.growth != 0) for start in near]
+    known.append(fine.refine(min(known, key=loss), closer[1:]))
+    best = min((none, *known), key=loss)
+    rival = min((best.followed_by(each) for each in _list_rivals(size)), key=loss)
+    return min((best, rival, fine.refine(rival, closer)), key=loss) if loss(rival) < loss(best) else best
 
 
 def _scene(view: CanvasView, seen: Pixels, expected: Pixels, strokes: tuple[Pixels, Pixels] | None) -> _Scene:

@@ -73,9 +73,32 @@ def read_snapshot(
     before, expected [3, rows, columns]: the bare ground, and the canvas as it should look now
     Raises FrameRejected, with the reason, if it is another canvas or the picture cannot be used.
     """
-    found = [_read(photograph, turned, size, before, expected) for turned in list_turns(corners, size)]
-    best = max(found, key=lambda each: each.alike)
-    _require_this_canvas(best, before, expected, size)
+    ground, best = _coarsen(before, size), None
+    wanted = _coarsen(expected, size) - ground
+    for turned in list_turns(corners, size):
+        view = Calibration("snapshot", "any", turned, photograph.shape[:2], touch_height=0.0, press_height=-1.0)
+        seen = rectify(photograph, view, PixelGrid(size, *expected.shape[1:]))
+        canvas = _fit_light(seen, before, expected, size).correct(seen).float()
+        change = _coarsen(canvas, size) - ground
+        both, weight = float((wanted * change).sum()), wanted.square().sum()
+        alike = both / float((weight * change.square().sum()).sqrt().clamp(min=1e-6))
+        if best is None or alike > best.alike:
+            best, shows = Snapshot(canvas, turned, both / float(weight.clamp(min=1e-6)), alike), change
+    assert best is not None
+    painted = wanted.norm(dim=0) > _UNPAINTED
+    strange = shows.norm(dim=0)[~painted] > _STRANGE
+    covered = float(strange.float().mean()) if len(strange) else 0.0
+    if int(painted.sum()) >= _MIN_PAINTED and not (best.shown >= _MIN_SHOWN and best.alike >= _MIN_ALIKE):
+        shown, alikes = (f"{100 * max(0.0, share):.0f} %" for share in (best.shown, best.alike))
+        raise FrameRejected(
+            f"The picture does not show this canvas: {shown} of its strokes can be seen, and their places agree by "
+            f"{alikes}. Take a picture of this canvas as a whole, with all four corners."
+        )
+    if not covered <= _MAX_STRANGE:
+        raise FrameRejected(
+            f"The picture shows something that nobody painted on {100 * covered:.0f} % of the unpainted canvas: take "
+            "arms, hands and shadows away, or take a picture of this canvas, and not of another one."
+        )
     return best
 
 
@@ -89,22 +112,7 @@ def list_turns(corners: Corners, size: CanvasSize) -> list[Corners]:
     return turned[::2] if lies else turned[1::2]
 
 
-def _read(
-    photograph: NDArray[np.uint8], corners: Corners, size: CanvasSize, before: Tensor, expected: Tensor
-) -> Snapshot:
-    """Returns the canvas between the corners, under the light that fits the expected canvas best."""
-    view = Calibration("snapshot", "any", corners, photograph.shape[:2], touch_height=0.0, press_height=-1.0)
-    seen = rectify(photograph, view, PixelGrid(size, *expected.shape[1:]))
-    light = _light(seen, before, expected, size)
-    canvas = light.correct(seen).float()
-    wanted, change = _changes(before, expected, canvas, size)
-    weight = wanted.square().sum()
-    shown = float((wanted * change).sum() / weight.clamp(min=1e-6))
-    alike = float((wanted * change).sum() / (weight * change.square().sum()).sqrt().clamp(min=1e-6))
-    return Snapshot(canvas, corners, shown, alike)
-
-
-def _light(seen: Tensor, before: Tensor, expected: Tensor, size: CanvasSize) -> FlatField:
+def _fit_light(seen: Tensor, before: Tensor, expected: Tensor, size: CanvasSize) -> FlatField:
     """Returns the light in a rectified picture: brightness, colour and direction, from all of the expected canvas.
 
     The bare parts then refine it.
@@ -114,7 +122,8 @@ def _light(seen: Tensor, before: Tensor, expected: Tensor, size: CanvasSize) -> 
         functional.adaptive_avg_pool2d(to_linear(each)[None], (rows, columns))[0] for each in (seen, expected)
     )
     change = (dim.clamp(min=_DIMMEST) / bright.clamp(min=_DIMMEST)).log().flatten(1).double()
-    down, across = torch.meshgrid(_middles(rows), _middles(columns), indexing="ij")
+    middles = ((2 * torch.arange(count, dtype=torch.float64) + 1) / count - 1 for count in (rows, columns))
+    down, across = torch.meshgrid(*middles, indexing="ij")
     field, _ = FlatField(torch.zeros(3, 15)).fit_tilt(change, down.flatten(), across.flatten())
     ground = before.flatten(1).median(1).values
     bare = (to_lab(expected.permute(1, 2, 0)) - to_lab(ground)).norm(dim=-1) <= _UNPAINTED
@@ -122,17 +131,8 @@ def _light(seen: Tensor, before: Tensor, expected: Tensor, size: CanvasSize) -> 
     return field.refit(to_linear(seen), bare, (red, green, blue))
 
 
-def _middles(count: int) -> Tensor:
-    return (2 * torch.arange(count, dtype=torch.float64) + 1) / count - 1
-
-
-def _changes(before: Tensor, expected: Tensor, canvas: Tensor, size: CanvasSize) -> tuple[Tensor, Tensor]:
-    """Returns the expected and the seen change of the bare ground, CIELAB [3, rows, columns] in coarse squares."""
-    ground, wanted, seen = (_coarsen(each, size) for each in (before, expected, canvas))
-    return wanted - ground, seen - ground
-
-
 def _coarsen(picture: Tensor, size: CanvasSize) -> Tensor:
+    """Returns a picture in coarse squares, CIELAB [3, rows, columns]."""
     coarse = functional.adaptive_avg_pool2d(picture[None].float(), _shape(size))[0]
     return to_lab(coarse.permute(1, 2, 0)).permute(2, 0, 1)
 
@@ -141,22 +141,3 @@ def _shape(size: CanvasSize) -> tuple[int, int]:
     """Returns the rows and columns of coarse squares."""
     pitch = min(size.width, size.height) / _CELLS
     return max(_CELLS, round(size.height / pitch)), max(_CELLS, round(size.width / pitch))
-
-
-def _require_this_canvas(found: Snapshot, before: Tensor, expected: Tensor, size: CanvasSize) -> None:
-    wanted, change = _changes(before, expected, found.canvas, size)
-    painted = wanted.norm(dim=0) > _UNPAINTED
-    strange = change.norm(dim=0)[~painted] > _STRANGE
-    covered = float(strange.float().mean()) if len(strange) else 0.0
-    few = int(painted.sum()) < _MIN_PAINTED
-    if not few and not (found.shown >= _MIN_SHOWN and found.alike >= _MIN_ALIKE):
-        shown, alike = (f"{100 * max(0.0, share):.0f} %" for share in (found.shown, found.alike))
-        raise FrameRejected(
-            f"The picture does not show this canvas: {shown} of its strokes can be seen, and their places agree by "
-            f"{alike}. Take a picture of this canvas as a whole, with all four corners."
-        )
-    if not covered <= _MAX_STRANGE:
-        raise FrameRejected(
-            f"The picture shows something that nobody painted on {100 * covered:.0f} % of the unpainted canvas: take "
-            "arms, hands and shadows away, or take a picture of this canvas, and not of another one."
-        )

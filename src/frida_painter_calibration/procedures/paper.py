@@ -30,7 +30,7 @@ from frida_painter.images import from_uint8, to_linear, to_srgb
 from frida_painter.palette import Palette
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
-from frida_painter.perception.rectify import rectify
+from frida_painter.perception.rectify import pixels_per_metre, rectify
 from frida_painter.perception.registration import PaperEdge
 from frida_painter.perception.snapshot import find_corners
 from frida_painter.plan import WHITE
@@ -237,9 +237,7 @@ class Paper:
                 f"A paper of {canvas} has no room for one stroke of brush {kind.name!r}; take one of at least "
                 f"{frame.right - frame.left:.3f} x {frame.top - frame.bottom:.3f} m."
             )
-        corners = np.array(self._easel.calibration.corners)
-        around = float(np.linalg.norm(np.roll(corners, -1, 0) - corners, axis=1).sum())
-        self._pixels = around / (2 * (canvas.width + canvas.height))  # of the photograph per metre
+        self._pixels = pixels_per_metre(self._easel.calibration, canvas)
         border = round(_BORDER / crop.pitch)
         self._inner = np.zeros((grid.rows, grid.columns), np.bool_)
         self._inner[border:-border, border:-border] = True

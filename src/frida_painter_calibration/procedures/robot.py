@@ -77,7 +77,7 @@ def robot(easel: Easel) -> Procedure[Finding]:
     place = matrix[:2] @ (*middle, 1) / depth
     slope = (matrix[:2, :2] - np.outer(place, matrix[2, :2])) / depth
     turn = math.atan2(slope[1, 0] - slope[0, 1], slope[0, 0] + slope[1, 1])
-    strangers = len(spots) - len(match)
+    strangers = len(spots) - len(found)
     others = f" and {strangers} other spots that do not count" if strangers else ""
     placement = tuple(map(tuple, fit.inverse().tolist()))
     return Finding(
@@ -116,22 +116,22 @@ def _match_dots(meant: NDArray[np.float64], spots: NDArray[np.float64], size: Ca
     near = {"reach": 0.5 * spacing, "tolerance": min(_TOLERANCE, 0.06 * spacing)}
     middle = np.array([size.width / 2, size.height / 2])
     match = match_dots(meant, spots, **near)
-    if len(match) < FEWEST_DOTS:
+    if len(match.meant) < FEWEST_DOTS:
         for name, sign in (
             ("mirrored from left to right", (-1, 1)),
             ("mirrored from top to bottom", (1, -1)),
             ("upside down", (-1, -1)),
         ):
-            if len(match_dots((meant - middle) * sign + middle, spots, **near)) >= FEWEST_DOTS:
+            if len(match_dots((meant - middle) * sign + middle, spots, **near).meant) >= FEWEST_DOTS:
                 raise CalibrationError(
                     f"The robot paints {name}: its axes do not run as the workspace says, or the corners of the canvas "
                     "were given in another order. Mend the workspace or repeat the canvas calibration, then repeat the "
                     "robot calibration."
                 )
         raise CalibrationError(
-            f"Of {len(meant)} dots {len(match)} were found within {near['reach'] * 1000:.0f} mm of where they should "
-            f"be, among {len(spots)} spots; {FEWEST_DOTS} are needed. Is there paint in the well, does the brush reach "
-            "the canvas everywhere, and is the canvas bare? Mend that, then repeat the robot calibration."
+            f"Of {len(meant)} dots {len(match.meant)} were found within {near['reach'] * 1000:.0f} mm of where they "
+            f"should be, among {len(spots)} spots; {FEWEST_DOTS} are needed. Is there paint in the well, does the "
+            "brush reach the canvas everywhere, and is the canvas bare? Mend that, then repeat the robot calibration."
         )
     right, upper = (meant[match.meant] > middle).T
     for name, part in (
