@@ -1,10 +1,8 @@
 """Commands for stroke libraries and stroke models: strokes paint, inspect, train, evaluate."""
 
-import csv
-import io
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -25,6 +23,10 @@ from frida_painter.errors import ConfigError
 from frida_painter.options import BrushOption, ListingOption, SeedOption, out_file, whole_number_within
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
     from frida_painter.brush.kinds import BrushKind
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter_calibration.procedures.strokes import RecordedStrokes
@@ -69,72 +71,59 @@ def evaluate_model(
     if page is not None and page.suffix != ".html":
         raise ConfigError(f"--page was given {str(page)!r}; a page goes into a file that ends in .html.")
     prepare_process()
-    model = load_stroke_model(weights)
-    strokes = StrokeLibrary.load(library)
+    model, strokes = load_stroke_model(weights), StrokeLibrary.load(library)
     found, foretold = evaluate(model, strokes), likelihood(model, strokes)
     if page is not None:
         storage.write_text(page, evaluation_page(model, weights, strokes, library.name))
-    if as_json:
-        print(json.dumps(_record(weights, library, model.brush, strokes, found, foretold), indent=2))
-    else:
-        _show(strokes, found, foretold)
-
-
-def _record(
-    weights: str, path: Path, brush: str, strokes: "StrokeLibrary", found: "Evaluation", foretold: "Likelihood"
-) -> dict[str, str | int | float | list[dict[str, int | float | bool]]]:
-    return {
+    columns = {
+        "recorded_index": strokes.recorded_index,
+        "thickness": strokes.thickness,
+        "length_m": strokes.length_m,
+        "bend_m": strokes.bend_m,
+        "error": found.error,
+        "outside_the_limits": found.outside,
+    }
+    if not as_json:
+        _show(columns, found, foretold)
+        return
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    record = {
         "weights": weights,
-        "brush": brush,
-        "library": str(path),
+        "brush": model.brush,
+        "library": str(library),
         "strokes": len(strokes),
         "mean_absolute_error": float(found.error.mean()),
         "error_of_bare_paper": float(found.paint.mean()),
         "log_likelihood": foretold.predicted,
         "log_likelihood_with_one_variance": foretold.constant,
         "strokes_outside_the_limits": int(found.outside.sum()),
-        "per_stroke": [
-            {
-                "recorded_index": int(strokes.recorded_index[index]),
-                "thickness": float(strokes.thickness[index]),
-                "length_m": float(strokes.length_m[index]),
-                "bend_m": float(strokes.bend_m[index]),
-                "error": float(found.error[index]),
-                "outside_the_limits": bool(found.outside[index]),
-            }
-            for index in range(len(strokes))
-        ],
+        "per_stroke": [dict(zip(columns, row, strict=True)) for row in rows],
     }
+    print(json.dumps(record, indent=2))
 
 
-def _show(strokes: "StrokeLibrary", found: "Evaluation", foretold: "Likelihood") -> None:
-    console = Console(highlight=False)
-    console.print(
-        f"{len(strokes)} strokes: mean absolute error [bold]{found.error.mean():.4f}[/] "
-        f"(bare paper would give {found.paint.mean():.4f}); half of the strokes are below "
-        f"{sorted(found.error)[len(strokes) // 2]:.4f}, the worst has {found.error.max():.4f}.",
-        soft_wrap=True,
-    )
-    console.print(
+def _show(columns: "Mapping[str, NDArray[Any]]", found: "Evaluation", foretold: "Likelihood") -> None:
+    """Prints the errors, and a table of the strokes that are farthest off."""
+    console, error = Console(highlight=False), found.error
+    told = [
+        f"{len(error)} strokes: mean absolute error [bold]{error.mean():.4f}[/] (bare paper would give "
+        f"{found.paint.mean():.4f}); half of the strokes are below {sorted(error)[len(error) // 2]:.4f}, the worst has "
+        f"{error.max():.4f}.",
         f"Mean and variance that the model expects: log likelihood {foretold.predicted:.2f} per cell, "
         f"{foretold.constant:.2f} with one variance for all cells.",
-        soft_wrap=True,
-    )
+    ]
     if found.outside.any():
-        console.print(
-            f"{found.outside.sum()} of them are outside the lengths and bends that the model knows (marked *)."
-        )
-    worst = found.error.argsort()[::-1][:_SHOWN]
+        told.append(f"{found.outside.sum()} of them are outside the lengths and bends that the model knows (marked *).")
+    console.print("\n".join(told), soft_wrap=True)
+    worst = error.argsort()[::-1][:_SHOWN]
     table = Table("stroke", "thickness", "length", "bend", "error", title=f"The {len(worst)} farthest off", box=None)
     for column in table.columns:
         column.justify = "right"
     for index in worst:
+        number, thickness, length, bend, off, outside = (column[index] for column in columns.values())
+        mark = "*" if outside else ""
         table.add_row(
-            f"{strokes.recorded_index[index]}{'*' if found.outside[index] else ''}",
-            f"{strokes.thickness[index]:.2f}",
-            f"{1000 * strokes.length_m[index]:.1f} mm",
-            f"{1000 * strokes.bend_m[index]:.1f} mm",
-            f"{found.error[index]:.4f}",
+            f"{number}{mark}", f"{thickness:.2f}", f"{1000 * length:.1f} mm", f"{1000 * bend:.1f} mm", f"{off:.4f}"
         )
     console.print(table)
 
@@ -210,27 +199,15 @@ def train(
             )
         learned = learn_on(bar, model, strokes, kind, seed)
         learned.model.save(unfinished)
-    storage.write_text(out.with_suffix(".csv"), _curve(learned))
-    page = out.with_suffix(".html")
-    storage.write_text(page, training_page(learned, model, library.name, dirty=len(strokes) - len(learned.library)))
-    _conclude(learned, len(strokes), out, page)
-
-
-def _conclude(learned: "Learned", count: int, out: Path, page: Path) -> None:
-    report, clean = learned.report, len(learned.library)
-    dirty = f" ({count - clean} dirty ones were left out)" if count > clean else ""
+    report, clean, page = learned.report, len(learned.library), out.with_suffix(".html")
+    rows = [f"{step.epoch},{step.training_error},{step.validation_error}\n" for step in report.curve]
+    storage.write_text(out.with_suffix(".csv"), "".join(("epoch,training_error,validation_error\n", *rows)))
+    storage.write_text(page, training_page(learned, model, library.name, dirty=len(strokes) - clean))
+    dirty = f" ({len(strokes) - clean} dirty ones were left out)" if len(strokes) > clean else ""
     print(
         f"Trained on {clean - len(report.held_out)} strokes{dirty}; on {len(report.held_out)} others the mean "
         f"error of the magnitude is {report.validation_error:.4f}: {out}\nPictures: {page}"
     )
-
-
-def _curve(learned: "Learned") -> str:
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(("epoch", "training_error", "validation_error"))
-    rows.writerows((step.epoch, step.training_error, step.validation_error) for step in learned.report.curve)
-    return text.getvalue()
 
 
 def work_bar() -> Progress:
