@@ -23,6 +23,14 @@ def number_within(least: float, most: float) -> Callable[[str], float]:
     return _within(any_number, least, most)
 
 
+def whole_number_option(least: int, most: int, says: str) -> Any:
+    """Returns the option for an integer from `least` to `most`.
+
+    says: its help
+    """
+    return typer.Option(parser=whole_number_within(least, most), metavar="N", help=says)
+
+
 def _within(read: Callable[[str], _Number], least: _Number, most: _Number) -> Callable[[str], _Number]:
     def checked(text: str) -> _Number:
         value = read(text)

@@ -18,7 +18,7 @@ from frida_painter.options import (
     PlacementErrorOption,
     RobotOption,
     WorkspaceOption,
-    whole_number_within,
+    whole_number_option,
 )
 from frida_painter.registry import Later
 
@@ -49,10 +49,10 @@ CanvasOption = Annotated[
 ]
 SeedOption = Annotated[
     int,
-    typer.Option(
-        parser=whole_number_within(0, 2**31 - 1),
-        metavar="N",
-        help="Seed of the virtual studio: its light, robot error and brush. `paint --seed N` uses the same studio.",
+    whole_number_option(
+        0,
+        2**31 - 1,
+        "Seed of the virtual studio: its light, robot error and brush. `paint --seed N` uses the same studio.",
     ),
 ]
 RecordOption = Annotated[
@@ -78,41 +78,32 @@ def calibrate(
     placement_error: PlacementErrorOption = None,
     count: Annotated[
         int,
-        typer.Option(
-            parser=whole_number_within(FEWEST_STROKES, MAX_STROKES),
-            metavar="N",
-            help="Number of strokes that the strokes procedure paints for training.",
+        whole_number_option(
+            FEWEST_STROKES, MAX_STROKES, "Number of strokes that the strokes procedure paints for training."
         ),
     ] = 200,
     refill_every: Annotated[
         int,
-        typer.Option(
-            parser=whole_number_within(1, MAX_BETWEEN_REFILLS),
-            metavar="N",
-            help="Strokes per dip in the strokes procedure. With 2 or more it learns how long a dip lasts.",
+        whole_number_option(
+            1,
+            MAX_BETWEEN_REFILLS,
+            "Strokes per dip in the strokes procedure. With 2 or more it learns how long a dip lasts.",
         ),
     ] = 1,
     ask: Annotated[
         bool,
         typer.Option("--ask", help="Ask you the questions of a real easel. Without it, the virtual studio answers."),
     ] = False,
-    points: Annotated[
-        int,
-        typer.Option(
-            parser=whole_number_within(2, 9), metavar="N", help="Points of the surface procedure along each side."
-        ),
-    ] = 3,
+    points: Annotated[int, whole_number_option(2, 9, "Points of the surface procedure along each side.")] = 3,
     heights: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Read the height map of the surface from a TOML file, and measure nothing."),
     ] = None,
     marks: Annotated[
-        bool,
-        typer.Option("--marks", help="Learn the surface from painted marks: a picture tells their widths."),
+        bool, typer.Option("--marks", help="Learn the surface from painted marks: a picture tells their widths.")
     ] = False,
     picture: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Your picture of the canvas with the marks. Nothing is painted."),
+        Path | None, typer.Option(metavar="FILE", help="Your picture of the canvas with the marks. Nothing is painted.")
     ] = None,
     record: RecordOption = None,
 ) -> None:

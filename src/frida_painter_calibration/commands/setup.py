@@ -46,8 +46,7 @@ def setup(
     ] = None,
     anew: Annotated[bool, typer.Option("--anew", help="Begin from the start, even if a setup was left.")] = False,
     show: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Print a preset's file, as the beginning of your own, and exit."),
+        str | None, typer.Option(metavar="NAME", help="Print a preset's file, as the beginning of your own, and exit.")
     ] = None,
     presets: Annotated[bool, typer.Option("--presets", help="List the presets, and exit.")] = False,
 ) -> None:

@@ -20,7 +20,14 @@ from frida_painter.brush import (
     PARAM2STROKE,
 )
 from frida_painter.errors import ConfigError
-from frida_painter.options import BrushOption, ListingOption, SeedOption, out_file, whole_number_within
+from frida_painter.options import (
+    BrushOption,
+    ListingOption,
+    SeedOption,
+    out_file,
+    whole_number_option,
+    whole_number_within,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -257,20 +264,10 @@ def paint_library(kind: "BrushKind", out: Path, count: int, seed: int, refill_ev
 
 def paint(
     brush: BrushOption = "broad",
-    count: Annotated[
-        int,
-        typer.Option(
-            parser=whole_number_within(1, MAX_STROKES), metavar="N", help="Number of strokes. About 200 are enough."
-        ),
-    ] = 200,
+    count: Annotated[int, whole_number_option(1, MAX_STROKES, "Number of strokes. About 200 are enough.")] = 200,
     seed: SeedOption = 0,
     refill_every: Annotated[
-        int,
-        typer.Option(
-            parser=whole_number_within(1, MAX_BETWEEN_REFILLS),
-            metavar="N",
-            help="Strokes per dip of the brush. 1 dips before every stroke.",
-        ),
+        int, whole_number_option(1, MAX_BETWEEN_REFILLS, "Strokes per dip of the brush. 1 dips before every stroke.")
     ] = 1,
     out: Annotated[
         Path, typer.Option(parser=out_file, metavar="FILE", help="The stroke library to write (.npz).")

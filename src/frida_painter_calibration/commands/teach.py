@@ -10,7 +10,7 @@ import typer
 
 from frida_painter.brush import FIELD, MAX_STROKES
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.options import BrushOption, SeedOption, WorkspaceOption, out_file, whole_number_within
+from frida_painter.options import BrushOption, SeedOption, WorkspaceOption, out_file, whole_number_option
 from frida_painter_calibration.commands.strokes import learn_on, paint_library, work_bar
 
 if TYPE_CHECKING:
@@ -50,10 +50,10 @@ def teach(
     unit: Annotated[str, typer.Option(metavar="m|cm|mm", help="The unit of x, y and height.")] = "mm",
     count: Annotated[
         int,
-        typer.Option(
-            parser=whole_number_within(0, MAX_STROKES),
-            metavar="N",
-            help="Number of strokes that the virtual studio paints to learn from. 0 for none: the planner then expects "
+        whole_number_option(
+            0,
+            MAX_STROKES,
+            "Number of strokes that the virtual studio paints to learn from. 0 for none: the planner then expects "
             "a plain ribbon.",
         ),
     ] = 40,
