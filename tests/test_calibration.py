@@ -1,5 +1,6 @@
 import json
 import math
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -108,11 +109,6 @@ def test_what_cannot_be_true_is_refused(change: dict[str, object], says: str) ->
         replace(RECORD, **change)
 
 
-def rewrite(path: Path, change: dict[str, object]) -> None:
-    """Changes a record and gives it a checksum that is right again."""
-    storage.write_json(path, {**json.loads(path.read_text()), **change})
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
@@ -130,26 +126,18 @@ def rewrite(path: Path, change: dict[str, object]) -> None:
 def test_a_foreign_or_old_record_is_refused(tmp_path: Path, change: dict[str, object], says: str) -> None:
     path = tmp_path / "calibration.json"
     RECORD.save(path)
-    rewrite(path, change)
+    storage.write_json(path, {**json.loads(path.read_text()), **change})  # with a checksum that is right again
     with pytest.raises(CalibrationError, match=says):
         Calibration.load(path)
 
 
-def test_an_edited_or_missing_record_is_refused(tmp_path: Path) -> None:
+def test_a_missing_record_and_one_cut_off_anywhere_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "calibration.json"
     with pytest.raises(CalibrationError, match="does not exist"):
         Calibration.load(path)
-    RECORD.save(path)
-    path.write_text(path.read_text().replace("medium", "broad"))
-    with pytest.raises(CalibrationError, match=r"was changed .* calibrate all"):
-        Calibration.load(path)
-
-
-def test_a_record_cut_off_anywhere_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "calibration.json"
     FULL.save(path)
     whole = path.read_bytes()
-    for length in (*range(0, len(whole) - 1, 13), len(whole) - 2):
+    for length in (*range(0, len(whole) - 1, 41), len(whole) - 2):
         path.write_bytes(whole[:length])
         with pytest.raises(CalibrationError, match="calibrate all"):
             Calibration.load(path)
@@ -163,17 +151,11 @@ def test_a_record_with_any_character_changed_is_refused(tmp_path_factory: pytest
     place = data.draw(st.integers(0, len(whole) - 1))
     other = data.draw(st.integers(33, 126).filter(lambda byte: byte != whole[place]))
     path.write_bytes(whole[:place] + bytes([other]) + whole[place + 1 :])
-    if json_or_none(path) == json.loads(whole):
-        return  # white space between its parts, or another way to write the same number
+    with suppress(ValueError):
+        if json.loads(path.read_text()) == json.loads(whole):
+            return  # white space between its parts, or another way to write the same number
     with pytest.raises(CalibrationError):
         Calibration.load(path)
-
-
-def json_or_none(path: Path) -> object:
-    try:
-        return json.loads(path.read_text())
-    except ValueError:
-        return None
 
 
 def test_the_last_good_record_is_kept_where_the_present_one_is_damaged(tmp_path: Path) -> None:

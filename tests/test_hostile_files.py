@@ -125,7 +125,7 @@ def painting(tmp_path: Path) -> Path:
     touch = dict(known.touch.depths), known.touch.lower, known.touch.information
     events = (
         PaintingBegun(spec.record(), painting_folder.input_hashes(spec, folder)),
-        Photographed("look.png", 0.0, 1, [[0.5] * len(flatfield._pairs())] * 3),
+        Photographed("look.png", 0.0, 1, [[0.5] * len(flatfield._PAIRS)] * 3),
         PlanAdopted(plan.digest, 0, "look.png", known.error, known.information, *touch),
         *(MotionBegan(("stroke 1",), 1), StrokePainted(1, 6), MotionBegan(("stroke 2",), 2), StrokeLeftOut(2, 6)),
         *(CanvasPicture("look.png", 2, seen=True), CanvasPicture("look.png", 2), Drying(2, 60.0, 30.0)),

@@ -453,8 +453,8 @@ def draw_machine(workspace: Workspace, record: Calibration, title: str, robot: s
     uneven = None if record.surface is None else images.to_uint8(surface_sheet(record.surface))
     height, width = above.shape[:2]
     below = height + _HEAD + _ROW * len(rows) + _MARGIN
-    page = (width, below) if uneven is None else (max(width, uneven.shape[1]), below + uneven.shape[0])
-    sheet = Sheet(*page)
+    more = (0, 0) if uneven is None else uneven.shape[:2]
+    sheet = Sheet(max(width, more[1]), below + more[0])
     sheet.paste(above)
     if uneven is not None:
         sheet.paste(uneven, (0, below))

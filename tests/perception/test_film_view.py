@@ -52,17 +52,7 @@ def test_a_picture_for_the_film_is_within_1_of_255_of_one_by_which_things_are_de
         assert float((got - wanted).abs().max()) < 1 / 255
 
 
-def test_it_refuses_what_rectify_refuses():
-    calibration, bare, _ = photographed(CAMERAS["with a lens"])
-    grid = PixelGrid.of_height(CANVAS, 54)
-    view = FilmView(calibration, FlatField.learn(rectify(bare, calibration, grid), (1.0, 1.0, 1.0)), grid)
-    with pytest.raises(FrameRejected, match="is dark"):
-        view.picture(np.zeros_like(bare))
-    with pytest.raises(FrameRejected, match="A photograph of shape"):
-        view.picture(bare[:100])
-
-
-def test_it_fits_one_calibration_one_light_and_one_grid():
+def test_it_fits_one_calibration_one_light_and_one_grid_and_refuses_what_rectify_refuses():
     calibration, bare, _ = photographed(CAMERAS["with a lens"])
     grid = PixelGrid.of_height(CANVAS, 54)
     light = FlatField.learn(rectify(bare, calibration, grid), (1.0, 1.0, 1.0))
@@ -71,3 +61,7 @@ def test_it_fits_one_calibration_one_light_and_one_grid():
     assert not view.fits(replace(calibration, color=COLOR), light, grid)
     assert not view.fits(calibration, FlatField(light.logarithm), grid)
     assert not view.fits(calibration, light, PixelGrid.of_height(CANVAS, 55))
+    with pytest.raises(FrameRejected, match="is dark"):
+        view.picture(np.zeros_like(bare))
+    with pytest.raises(FrameRejected, match="A photograph of shape"):
+        view.picture(bare[:100])

@@ -63,42 +63,46 @@ def test_a_crop_holds_the_whole_frame_of_the_brush(undisturbed):
 
 def test_a_paper_that_was_moved_costs_one_stroke_and_is_given_up():
     progress = []
-    shift = 0.003
-    easel = paper_studio(Faults(bumps=(Bump(2, (shift, 0.0)),))).easel
+    easel = paper_studio(Faults(bumps=(Bump(2, (0.003, 0.0)),))).easel
     finding = paint(easel, notify=progress.append, count=4)
     assert finding.library.flaws.tolist() == [0, Flaw.MOVED, 0, 0]
     assert [step.sheet for step in progress] == [1, 1, 2, 2]
     assert "1 is left out (1 paper moved)" in finding.sentence
 
 
-def test_strokes_without_paint_are_found():
-    finding = paint(paper_studio(Faults(dropped_touches=frozenset({1, 3}))).easel, count=4)
-    assert np.flatnonzero(finding.library.flaws == Flaw.EMPTY).tolist() == [1, 3]
+def shadow(image, number):
+    if number >= 2:
+        image[:, 294:] = (0.9 * image[:, 294:]).astype(np.uint8)
+    return image
 
 
-def test_another_light_is_taken_out(undisturbed):
-    change = LightChange(2, (0.85, 0.8, 0.65), lean=(0.15, -0.1))
-    finding = paint(paper_studio(Faults(light_changes=(change,))).easel, count=3)
-    assert not finding.library.flaws.any()
-    apart = finding.library.magnitude.astype(float) - undisturbed[0].library.magnitude[:3]
-    assert np.abs(apart).mean() / 255 < 0.004
+def arm(image, number):
+    return dark_bar(image) if number >= 2 else image
 
 
-def test_a_shadow_with_an_edge_is_no_paint(undisturbed):
-    def shadow(image, number):
-        if number >= 2:
-            image[:, 294:] = (0.9 * image[:, 294:]).astype(np.uint8)
-        return image
+SEEN = {
+    "strokes without paint": (Faults(dropped_touches=frozenset({1, 3})), None, [0, Flaw.EMPTY, 0, Flaw.EMPTY]),
+    "another light": (Faults(light_changes=(LightChange(2, (0.85, 0.8, 0.65), lean=(0.15, -0.1)),)), None, [0, 0, 0]),
+    "out of focus, and taken again": (Faults(lost_focus=(LostFocus(2, 3),)), None, [0, 0]),
+    "a shadow with an edge": (Faults(), shadow, [0, Flaw.LIGHT]),
+    "a hand that goes away": (Faults(), lambda image, number: dark_bar(image) if number == 2 else image, [0, 0]),
+    "an arm that stays": (
+        Faults(),
+        lambda image, number: dark_bar(image) if number >= 2 else image,
+        [0, Flaw.DISTURBED],
+    ),
+}
 
-    flaws = paint(spoiled(paper_studio(), shadow), count=2).library.flaws
-    assert flaws.tolist() == [0, Flaw.LIGHT]
 
-
-def test_a_photograph_out_of_focus_is_taken_again(undisturbed):
-    finding = paint(paper_studio(Faults(lost_focus=(LostFocus(2, 3),))).easel, count=2)
-    assert not finding.library.flaws.any()
-    expected = undisturbed[0].library.magnitude[:2].astype(float)
-    assert np.abs(finding.library.magnitude - expected).mean() / 255 < 0.004
+@pytest.mark.parametrize("name", SEEN)
+def test_what_is_no_paint_is_taken_out_or_spoils_its_stroke_alone(name, undisturbed):
+    faults, spoil, flaws = SEEN[name]
+    studio = paper_studio(faults)
+    library = paint(studio.easel if spoil is None else spoiled(studio, spoil), count=len(flaws)).library
+    assert library.flaws.tolist() == flaws
+    if not any(flaws):
+        apart = library.magnitude.astype(float) - undisturbed[0].library.magnitude[: len(flaws)]
+        assert np.abs(apart).mean() / 255 < 0.004
 
 
 def test_a_camera_that_stays_out_of_focus_is_refused_and_the_strokes_are_kept(tmp_path):
@@ -109,20 +113,9 @@ def test_a_camera_that_stays_out_of_focus_is_refused_and_the_strokes_are_kept(tm
     assert len(paint(paper_studio().easel, out, count=4).library) == 4
 
 
-def test_something_dark_in_the_picture_is_waited_for_once(undisturbed):
-    def hand(image, number):
-        return dark_bar(image) if number == 2 else image
-
-    assert not paint(spoiled(paper_studio(), hand), count=2).library.flaws.any()
-
-
-def test_something_dark_that_stays_is_a_flaw_and_no_sheet_begins_with_it():
-    def arm(image, number):
-        return dark_bar(image) if number >= 2 else image
-
+def test_no_sheet_begins_with_something_dark_on_it():
     with pytest.raises(FridaError, match="bare"):
         paint(spoiled(paper_studio(), arm))
-    assert paint(spoiled(paper_studio(), arm), count=2).library.flaws.tolist() == [0, Flaw.DISTURBED]
 
 
 def test_a_paper_elsewhere_than_calibrated_is_refused():

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from torch import Tensor
 
 from frida_painter import images
@@ -24,7 +23,7 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectify
 from frida_painter.plan import WHITE
 from frida_painter.report.chart import Series, chart
-from frida_painter.sheet import CREAM, Grid, Sheet
+from frida_painter.sheet import CREAM, Grid, Sheet, scale
 from frida_painter_calibration.procedures.paper import (
     LENGTH,
     EaselAccess,
@@ -299,7 +298,6 @@ def _jog(
 
 _MARGIN, _SHOWN, _GAP = 40, 7, 12
 _STRIP_TOP, _STRIP_HEIGHT, _CHART_TOP = 62, 112, 220
-_MILLIMETRES = 46.0  # across one place of the strip
 
 
 def draw_trials(trials: Trials, touch: float, press: float) -> Tensor:
@@ -324,31 +322,12 @@ def draw_trials(trials: Trials, touch: float, press: float) -> Tensor:
     sheet = Sheet(plot.shape[1], _CHART_TOP + plot.shape[0], CREAM)
     sheet.text((_MARGIN, 20), "Short strokes, pressed ever harder (millimetres below the lightest touch)", 20)
     strip = Grid.divide(plot.shape[1] - 2 * _MARGIN, _MARGIN, _STRIP_TOP, _SHOWN, _STRIP_HEIGHT, across=_GAP)
-    for number, trial in enumerate(_choose(trials.done, touch)):
+    ordered = sorted(trials.done, key=lambda trial: -trial.height)
+    shown = np.unique(np.linspace(0, len(ordered) - 1, _SHOWN).round().astype(int))
+    for place, trial in zip(strip.corners(_SHOWN), (ordered[number] for number in shown), strict=False):
+        larger = min(strip.width / trial.look.shape[2], strip.height / trial.look.shape[1])
+        size = max(1, round(larger * trial.look.shape[2])), max(1, round(larger * trial.look.shape[1]))
         depth = f"{round(1000 * (touch - trial.height), 1) + 0:.1f}" if trial.marked else "no mark"
-        sheet.cell(strip.corner(number), _frame(trial, trials.grid.pitch[0], strip.width), depth, size=17, gap=6)
+        sheet.cell(place, scale(trial.look, *size), depth, size=17, gap=6)
     sheet.paste(plot, (0, _CHART_TOP))
     return sheet.tensor()
-
-
-def _choose(trials: list[Trial], touch: float) -> list[Trial]:
-    """Returns as many trials as fit: one without a mark, then evenly spaced ones, each once."""
-    bare = [trial for trial in trials if not trial.marked]
-    left = [trial for trial in trials if trial.marked]
-    chosen = [min(bare, key=lambda trial: trial.height)] if bare else []
-    for height in np.linspace(touch, min(trial.height for trial in trials), _SHOWN - len(chosen)):
-        if left:
-            chosen.append(min(left, key=lambda trial: abs(trial.height - height)))
-            left.remove(chosen[-1])
-    return sorted(chosen, key=lambda trial: (trial.marked, -trial.height))
-
-
-def _frame(trial: Trial, pitch: float, width: int) -> Image.Image:
-    """Returns the middle of a trial's picture on white paper; all trials have the same scale."""
-    picture = Image.fromarray(images.to_uint8(trial.look))
-    scale = 1000 * pitch * width / _MILLIMETRES
-    size = max(1, round(picture.width * scale)), max(1, round(picture.height * scale))
-    place = Image.new("RGB", (width, _STRIP_HEIGHT), (255, 255, 255))
-    resized = picture.resize(size, Image.Resampling.LANCZOS)
-    place.paste(resized, ((width - size[0]) // 2, (_STRIP_HEIGHT - size[1]) // 2))
-    return place

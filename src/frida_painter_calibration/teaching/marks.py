@@ -176,28 +176,26 @@ def _mark(table: Table, deepest: float, name: str) -> TaughtMark:
 def _of_json(content: Any, unit: str) -> list[Table]:
     """Returns the tables of a JSON document. Raises ValueError, KeyError or TypeError."""
     if isinstance(content, dict) and "marks" in content:
-        unit = str(content.get("unit", unit))
-        content = content["marks"]
+        unit, content = str(content.get("unit", unit)), content["marks"]
     marks = content if isinstance(content, list) else [content]
     if marks and all(isinstance(one, list | tuple) and one and isinstance(one[0], int | float) for one in marks):
         marks = [marks]  # one mark as a list of points
-    return [_table(_columns(one), unit) for one in marks]
-
-
-def _columns(mark: Any) -> Mapping[str, Any]:
-    if isinstance(mark, dict):
-        return mark if "points" not in mark else _columns(mark["points"])
-    width = {len(point) for point in mark}
-    if len(width) != 1 or not width <= {2, 3, 4}:
-        raise ValueError("a point is x, y, pressure and time")
-    return dict(zip(("x", "y", "pressure", "time"), zip(*mark, strict=True), strict=False))
+    found = []
+    for mark in marks:
+        while isinstance(mark, dict) and "points" in mark:
+            mark = mark["points"]
+        if not isinstance(mark, dict):
+            if len({len(point) for point in mark}) != 1 or not 2 <= len(mark[0]) <= 4:
+                raise ValueError("a point is x, y, pressure and time")
+            mark = dict(zip(("x", "y", "pressure", "time"), zip(*mark, strict=True), strict=False))
+        found.append(_table(mark, unit))
+    return found
 
 
 def _of_csv(text: str, unit: str) -> list[Table]:
     """Returns the tables of a CSV file. Raises ValueError or KeyError."""
-    rows = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     parts: dict[str, dict[str, list[str]]] = {}
-    for row in rows:
+    for row in csv.DictReader(io.StringIO(text), skipinitialspace=True):
         columns = parts.setdefault(str(row.get("mark", "")), {})
         for name, value in row.items():
             if name is not None and name != "mark":
@@ -210,11 +208,10 @@ def _table(columns: Mapping[str, Any], unit: str) -> Table:
     found: Table = {}
     for kind, names in _NAMES.items():
         name = next((name for name in names if name in columns), None)
-        if name is None:
-            continue
-        own = name.rsplit("_", 1)[-1] if "_" in name else unit
-        scale = 1.0 if kind in ("pressure", "time") else _UNITS[own]
-        found[kind] = scale * np.array([math.nan if one in (None, "") else float(one) for one in columns[name]])
+        if name is not None:
+            own = name.rsplit("_", 1)[-1] if "_" in name else unit
+            scale = 1.0 if kind in ("pressure", "time") else _UNITS[own]
+            found[kind] = scale * np.array([math.nan if one in (None, "") else float(one) for one in columns[name]])
     if len({len(found["x"]), *map(len, found.values())}) != 1 or "y" not in found:
         raise ValueError("its columns x and y are not equally long")
     return found
@@ -353,14 +350,13 @@ class MarkCutter:
         """Ends a mark that is not ended yet."""
         if not self._touching:
             return
-        mark = np.array(self._touching)
-        self._touching = []
+        mark, self._touching = np.array(self._touching), []
         mark = mark[: 1 + int(np.flatnonzero(mark[:, 2] >= 0)[-1])]  # without the way up
-        kept = [0]
-        for index in range(1, len(mark)):
-            if float(np.linalg.norm(mark[index, :2] - mark[kept[-1], :2])) >= _APART:
-                kept.append(index)
-        self.marks.append(mark[kept])
+        kept = [mark[0]]
+        for sample in mark[1:]:
+            if float(np.linalg.norm(sample[:2] - kept[-1][:2])) >= _APART:
+                kept.append(sample)
+        self.marks.append(np.array(kept))
 
     def save(self, path: Path) -> list[str]:
         """Writes the marks as a file of marks; returns a sentence about each touch that is no mark.
