@@ -82,7 +82,7 @@ def evaluate_model(
     found, foretold = evaluate(model, strokes), likelihood(model, strokes)
     if page is not None:
         storage.write_text(page, evaluation_page(model, weights, strokes, library.name))
-    columns = {
+    columns: dict[str, NDArray[Any]] = {
         "recorded_index": strokes.recorded_index,
         "thickness": strokes.thickness,
         "length_m": strokes.length_m,

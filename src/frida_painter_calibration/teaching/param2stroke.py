@@ -17,7 +17,6 @@ from frida_painter.strokes import StrokeLimits
 from frida_painter_calibration.teaching.training import (
     Hearing,
     TrainingReport,
-    find_best,
     hold_out,
     make_fresh,
     train_field,
@@ -144,11 +143,10 @@ def train_param2stroke(
     course = _train(model, library[training], rehearsals, epochs, seed, chance)
     total = rehearsals + epochs
     curve = train_until_best(model, course, validate, total, patience, notify, unjudged=rehearsals)
-    best = find_best(curve)
     with torch.no_grad():
-        report = TrainingReport(best.epoch, best.validation_error, held_out, model(*shapes), curve)
+        report = TrainingReport(held_out, model(*shapes), curve)
     model.load_state_dict(untrained)
-    for _ in itertools.islice(_train(model, library, rehearsals, epochs, seed, chance), best.epoch):
+    for _ in itertools.islice(_train(model, library, rehearsals, epochs, seed, chance), report.best_epoch):
         pass
     return report
 

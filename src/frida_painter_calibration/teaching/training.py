@@ -52,18 +52,24 @@ Model = TypeVar("Model", bound=nn.Module)
 class TrainingReport:
     """Result of a training.
 
-    best_epoch: epoch with the best weights
-    validation_error: their mean absolute error on held-out strokes over the whole map
-    held_out: indices of these strokes in the library
-    predicted [held out, rows, columns]: their marks by these weights
+    held_out: indices of the held-out strokes in the library
+    predicted [held out, rows, columns]: their marks by the best weights
     curve: progress of each epoch
     """
 
-    best_epoch: int
-    validation_error: float
     held_out: NDArray[np.int64]
     predicted: Tensor
     curve: tuple[TrainingProgress, ...]
+
+    @property
+    def best_epoch(self) -> int:
+        """Epoch with the best weights."""
+        return min(self.curve, key=lambda step: step.validation_error).epoch
+
+    @property
+    def validation_error(self) -> float:
+        """Mean absolute error of the best weights on the held-out strokes over the whole map."""
+        return min(step.validation_error for step in self.curve)
 
 
 def make_fresh(kind: type[Model], brush: str, frame: MapFrame, limits: StrokeLimits, seed: int) -> Model:
@@ -123,11 +129,6 @@ def train_until_best(
             break
     model.load_state_dict(weights)
     return tuple(curve)
-
-
-def find_best(curve: tuple[TrainingProgress, ...]) -> TrainingProgress:
-    """Returns the first epoch with the lowest validation error."""
-    return min(curve, key=lambda step: step.validation_error)
 
 
 def _copy(model: nn.Module) -> dict[str, Tensor]:
@@ -208,8 +209,7 @@ def train_field(
     model.varies.copy_(torch.tensor(spread))
     for _ in _train(model, lessons, len(curve), chance):
         pass
-    best = find_best(curve)
-    return TrainingReport(best.epoch, best.validation_error, held_out, predicted, curve)
+    return TrainingReport(held_out, predicted, curve)
 
 
 def _train(model: StrokeField, lessons: list[_Lesson], rounds: int, chance: torch.Generator) -> Iterator[float]:
