@@ -94,24 +94,12 @@ def test_the_papers_network_is_trained_where_it_is_asked_for(run, hasty):
     assert isinstance(load_stroke_model("paper.safetensors"), Param2Stroke)
 
 
-def test_folds_give_mean_and_spread(run, hasty):
-    status, out, _ = run("train", "library.npz", "--folds", 3, "--out", "brush.safetensors")
-    assert status == 0
-    mean, spread, parts = re.search(r"in 3 folds: mean error ([\d.]+), spread ([\d.]+) \(([^)]+)\)", out).groups()
-    errors = [float(part) for part in parts.split(", ")]
-    assert len(errors) == 3
-    assert float(mean) == pytest.approx(sum(errors) / 3, abs=1e-4)
-    assert float(spread) >= 0
-
-
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (("train", "few.npz"), "at least 5"),
         (("train", "torn.npz"), "damaged"),
         (("train", "library.npz", "--model", "vgg"), "models are field and param2stroke"),
-        (("train", "library.npz", "--folds", "1"), "at least 2 folds"),
-        (("train", "few.npz", "--folds", "4"), "4 folds need at least 7"),
         (("train", "library.npz", "--out", "library.npz/brush.safetensors"), "cannot be written"),
         (("train", "library.npz", "--out", "folder.safetensors"), "folder.safetensors"),
         (("evaluate", "--weights", "library.npz", "--library", "library.npz"), "weights"),

@@ -11,12 +11,9 @@ from frida_painter.brush.field import StrokeField
 from frida_painter.brush.library import Flaw
 from frida_painter.errors import ConfigError, LibraryError
 from frida_painter.strokes import StrokeLimits
-from frida_painter_calibration.teaching import evaluation
 from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape
 from frida_painter_calibration.teaching.evaluation import (
     OTHER_BRUSH,
-    cross_validate,
-    errors,
     evaluate,
     geometry,
     learn,
@@ -135,28 +132,3 @@ def test_strokes_outside_the_models_limits_are_told_and_many_are_refused():
     model.limits = StrokeLimits(SMALL.limits.length, (-0.001, 0.001))
     with pytest.raises(LibraryError, match="of the brush that the model was trained for"):
         evaluate(model, library)
-
-
-def test_every_fold_is_tested_by_a_model_that_has_not_seen_it(monkeypatch):
-    library, seen, tested, heard = small_library(13), [], [], []
-
-    def learn_hastily(name, part, kind, *, seed, notify):
-        seen.append(set(part.recorded_index.tolist()))
-        return learn(name, part, kind, seed=seed, hasty=True, notify=notify)
-
-    def errors_and_tell(model, part):
-        tested.append(set(part.recorded_index.tolist()))
-        return errors(model, part)
-
-    monkeypatch.setattr(evaluation, "learn", learn_hastily)
-    monkeypatch.setattr(evaluation, "errors", errors_and_tell)
-    found = cross_validate(DEFAULT_MODEL, library, SMALL, folds=3, notify=lambda fold, _: heard.append(fold))
-    assert found.shape == (3,) and (found > 0).all() and sorted(set(heard)) == [0, 1, 2]
-    assert set.union(*tested) == set(range(13))
-    assert [part & held for part, held in zip(seen, tested, strict=True)] == [set()] * 3
-
-
-@pytest.mark.parametrize(("count", "folds"), [(9, 2), (4, 3), (6, 7)])
-def test_too_many_folds_are_refused(count, folds):
-    with pytest.raises(LibraryError, match=f"{folds} folds need at least"):
-        cross_validate(DEFAULT_MODEL, small_library(count), folds=folds)

@@ -8,8 +8,6 @@ MAX_BETWEEN_REFILLS = 100
 """Largest number of strokes painted with one dip."""
 FEWEST_STROKES = 5
 """Smallest number of clean strokes for training."""
-MAX_FOLDS = 20
-"""Largest number of parts of a library in cross-validation."""
 FIELD, PARAM2STROKE = "field", "param2stroke"
 MODELS = (FIELD, PARAM2STROKE)
 """Names of the stroke models that can be trained."""

@@ -14,7 +14,6 @@ from frida_painter.brush import (
     DEFAULT_MODEL,
     FIELD,
     MAX_BETWEEN_REFILLS,
-    MAX_FOLDS,
     MAX_STROKES,
     MODELS,
     PARAM2STROKE,
@@ -26,7 +25,6 @@ from frida_painter.options import (
     SeedOption,
     out_file,
     whole_number_option,
-    whole_number_within,
 )
 
 if TYPE_CHECKING:
@@ -156,14 +154,6 @@ def train(
             metavar="NAME", help=f"{FIELD}: needs few strokes; {PARAM2STROKE}: the network of the FRIDA paper."
         ),
     ] = DEFAULT_MODEL,
-    folds: Annotated[
-        int,
-        typer.Option(
-            parser=whole_number_within(0, MAX_FOLDS),
-            metavar="K",
-            help="Cross-validation: train K times before, each time with another part held out. 0 for none.",
-        ),
-    ] = 0,
     seed: SeedOption = 0,
     out: Annotated[
         Path, typer.Option(parser=out_file, metavar="FILE", help="The weights to write (.safetensors).")
@@ -177,33 +167,17 @@ def train(
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.devices import prepare_process
-    from frida_painter_calibration.teaching.evaluation import cross_validate
     from frida_painter_calibration.teaching.learned_pages import training_page
-    from frida_painter_calibration.teaching.training import TrainingProgress
 
     if out.suffix != ".safetensors" or out.is_dir():
         raise ConfigError(f"--out was given {str(out)!r}; weights go into a file that ends in .safetensors.")
     if model not in MODELS:
         raise ConfigError(f"--model was given {model!r}; models are {' and '.join(MODELS)}.")
-    if folds == 1:
-        raise ConfigError("--folds was given 1; a library is parted into at least 2 folds, or 0 for none.")
     kind = brush_kind(brush) if brush is not None else None
     strokes = StrokeLibrary.load(library)
     prepare_process()  # one thread: as fast as several here, and the same weights for any number of cores
     # The output file is opened first, so that an unwritable one fails before minutes of training.
     with storage.replacing(out) as unfinished, work_bar() as bar:
-        if folds:
-            task = bar.add_task("cross-validation", total=folds)
-
-            def follow(fold: int, progress: TrainingProgress) -> None:
-                bar.update(task, completed=fold + progress.epoch / progress.epochs)
-
-            errors = cross_validate(model, strokes, kind, folds=folds, seed=seed, notify=follow)
-            bar.remove_task(task)
-            print(
-                f"Cross-validation in {folds} folds: mean error {errors.mean():.4f}, spread {errors.std(ddof=1):.4f} "
-                f"({', '.join(f'{error:.4f}' for error in errors)})."
-            )
         learned = learn_on(bar, model, strokes, kind, seed)
         learned.model.save(unfinished)
     report, clean, page = learned.report, len(learned.library), out.with_suffix(".html")

@@ -1,8 +1,6 @@
 """Training of stroke models by name, and their comparison with recorded strokes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.brush import FEWEST_STROKES, FIELD, MODELS, PARAM2STROKE
+from frida_painter.brush import FIELD, MODELS, PARAM2STROKE
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.kinds import BrushKind, StrokeModel, growth_of, median_of, spread_of
 from frida_painter.brush.library import StrokeLibrary, clean, resample
@@ -21,7 +19,6 @@ from frida_painter_calibration.teaching.families import FamilyField
 from frida_painter_calibration.teaching.param2stroke import Param2Stroke, train_param2stroke
 from frida_painter_calibration.teaching.training import (
     Hearing,
-    TrainingProgress,
     TrainingReport,
     make_fresh,
     require_enough,
@@ -199,33 +196,3 @@ def likelihood(model: StrokeModel, library: StrokeLibrary) -> Likelihood:
         return float(-0.5 * (torch.log(2 * torch.pi * variance) + missed / variance).mean())
 
     return Likelihood(density(spread_of(model).variance(means) + noise), density(missed.mean() + noise))
-
-
-def cross_validate(
-    name: str,
-    library: StrokeLibrary,
-    kind: BrushKind | None = None,
-    *,
-    folds: int,
-    seed: int = 0,
-    notify: Callable[[int, TrainingProgress], None] = lambda fold, progress: None,
-) -> NDArray[np.float64]:
-    """Trains the stroke model `name` without one fold of the library at a time, and tests it on that fold.
-
-    notify: receives the number of the fold, from 0, and the progress of its training
-    Returns the mean error of each fold, [folds]. Raises LibraryError if there are too few strokes for that
-    number of folds.
-    """
-    fewest = max(folds, FEWEST_STROKES + -(-FEWEST_STROKES // (folds - 1)))
-    if len(library) < fewest:
-        raise LibraryError(
-            f"The stroke library has {len(library)} strokes; {folds} folds need at least {fewest}, "
-            f"so that {FEWEST_STROKES} are left to learn from."
-        )
-    order = np.random.default_rng(seed).permutation(len(library))
-    tested = []
-    for fold, test in enumerate(np.array_split(order, folds)):
-        hear = partial(notify, fold)
-        learned = learn(name, library[np.setdiff1d(order, test)], kind, seed=seed, notify=hear)
-        tested.append(errors(learned.model, library[test]).mean())
-    return np.array(tested)
