@@ -67,9 +67,11 @@ def trace_outline(photograph: NDArray[np.uint8], corners: Corners, reach: float)
     lens = _lens(sides, photograph.shape[:2])
     straight = [points if lens is None else lens.undistort(points) for points in sides]
     lines = [_line(points) for points in straight]
-    meeting = np.array([_meeting(lines[i - 1], lines[i]) for i in range(4)])
-    if not np.isfinite(meeting).all():
-        return None
+    pairs = [(lines[number - 1], lines[number]) for number in range(4)]
+    normals = np.array([(one[0], other[0]) for one, other in pairs])
+    if not (np.abs(np.linalg.det(normals)) > 1e-6).all():
+        return None  # two of them are parallel
+    meeting = np.linalg.solve(normals, np.array([(one[1], other[1]) for one, other in pairs])[..., None])[..., 0]
     found = meeting if lens is None else lens.distort(meeting)
     off = np.concatenate([_distance(line, points) for line, points in zip(lines, straight, strict=True)])
     support = min(len(points) for points in sides) / _PLACES
@@ -101,7 +103,10 @@ def _edge(
         place = np.flatnonzero(distance[np.arange(_PLACES), nearest] <= _CLOSE)
         if len(place) < 0.1 * _PLACES:
             return np.empty((0, 2))
-        exact = _summit(slope, offset, place, nearest[place])
+        # The steepest slope between samples: the vertex of the parabola through three of them.
+        top = nearest[place]
+        before, at, after = slope[place, top - 1], slope[place, top], slope[place, top + 1]
+        exact = offset[top] + (before - after) / (2 * np.minimum(before - 2 * at + after, -1e-9)) / _FINE
         # A parabola follows the curvature by the lens, so the ends of the side stay included.
         line = np.asarray(np.polynomial.polynomial.polyfit(along[place], exact, 2), np.float64)
     return start + along[place, None] * way + exact[:, None] * outward
@@ -142,14 +147,6 @@ def _vote(
     inner = np.unravel_index(votes[around].argmax(), votes[around].shape)
     a, b = ends[around[0]][inner[0]], ends[around[1]][inner[1]]
     return np.array([a, b - a], np.float64)
-
-
-def _summit(
-    slope: NDArray[np.float64], offset: NDArray[np.float64], place: NDArray[np.intp], top: NDArray[np.intp]
-) -> NDArray[np.float64]:
-    """Returns the offset of the steepest slope between samples: the vertex of the parabola through three samples."""
-    before, at, after = slope[place, top - 1], slope[place, top], slope[place, top + 1]
-    return offset[top] + (before - after) / (2 * np.minimum(before - 2 * at + after, -1e-9)) / _FINE
 
 
 def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | None:
@@ -196,14 +193,6 @@ def _distance(line: Line, points: NDArray[np.float64]) -> NDArray[np.float64]:
     return points @ line[0] - line[1]
 
 
-def _meeting(one: Line, other: Line) -> NDArray[np.float64]:
-    """Returns the intersection of two lines, [2]; NaN if they are parallel."""
-    matrix = np.stack((one[0], other[0]))
-    if not abs(np.linalg.det(matrix)) > 1e-6:
-        return np.full(2, np.nan)
-    return np.linalg.solve(matrix, np.array([one[1], other[1]]))
-
-
 _SMALL = 400  # longest side of the picture in which candidates are searched
 _RING = 0.03  # share of the photograph along its border that counts as table
 _SMALLEST = 0.06  # smallest share of the photograph that a canvas fills
@@ -233,7 +222,7 @@ def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
         if known or not _fits(quadrilateral, photograph.shape, size):
             continue
         seen.append(quadrilateral)
-        outline = trace_outline(photograph, _corners(quadrilateral), reach)
+        outline = trace_outline(photograph, tuple(map(tuple, quadrilateral.tolist())), reach)
         if outline is None or not _fits(np.array(outline.corners), photograph.shape, size):
             continue
         if best is None or outline.support > best.support + 0.02:
@@ -341,10 +330,6 @@ def _fits(corners: NDArray[np.float64], shape: tuple[int, ...], size: CanvasSize
     top, right, bottom, left = np.linalg.norm(side, axis=1)
     odd = (top + bottom) / max(left + right, 1e-9) / (size.width / size.height)
     return bool(convex and inside and 1 / _ODDEST_SHAPE <= odd <= _ODDEST_SHAPE)
-
-
-def _corners(points: NDArray[np.float64]) -> Corners:
-    return tuple((float(column), float(row)) for column, row in points)
 
 
 # New dots of paint on the canvas, and their matches with the intended dots
