@@ -298,6 +298,7 @@ def _jog(
 
 _MARGIN, _SHOWN, _GAP = 40, 7, 12
 _STRIP_TOP, _STRIP_HEIGHT, _CHART_TOP = 62, 112, 220
+_ABOVE = 0.2  # share of the way of a press above the lightest touch that is shown
 
 
 def draw_trials(trials: Trials, touch: float, press: float) -> Tensor:
@@ -305,8 +306,9 @@ def draw_trials(trials: Trials, touch: float, press: float) -> Tensor:
 
     touch, press: the two heights, robot z in metres
     """
-    marks = sorted((1000 * (touch - trial.height), 1000 * trial.width) for trial in trials.done)
-    depths, widths = zip(*marks, strict=True)
+    near = [trial for trial in trials.done if trial.height - touch <= _ABOVE * (touch - press)] or [*trials.done]
+    near.sort(key=lambda trial: (-trial.height, trial.width))
+    depths, widths = [1000 * (touch - trial.height) for trial in near], [1000 * trial.width for trial in near]
     plot = images.to_uint8(
         chart(
             "Width of the mark (millimetres)",
@@ -322,9 +324,8 @@ def draw_trials(trials: Trials, touch: float, press: float) -> Tensor:
     sheet = Sheet(plot.shape[1], _CHART_TOP + plot.shape[0], CREAM)
     sheet.text((_MARGIN, 20), "Short strokes, pressed ever harder (millimetres below the lightest touch)", 20)
     strip = Grid.divide(plot.shape[1] - 2 * _MARGIN, _MARGIN, _STRIP_TOP, _SHOWN, _STRIP_HEIGHT, across=_GAP)
-    ordered = sorted(trials.done, key=lambda trial: -trial.height)
-    shown = np.unique(np.linspace(0, len(ordered) - 1, _SHOWN).round().astype(int))
-    for place, trial in zip(strip.corners(_SHOWN), (ordered[number] for number in shown), strict=False):
+    shown = [near[number] for number in np.linspace(0, len(near) - 1, _SHOWN).round().astype(int)]
+    for place, trial in zip(strip.corners(_SHOWN), shown, strict=True):
         larger = min(strip.width / trial.look.shape[2], strip.height / trial.look.shape[1])
         size = max(1, round(larger * trial.look.shape[2])), max(1, round(larger * trial.look.shape[1]))
         depth = f"{round(1000 * (touch - trial.height), 1) + 0:.1f}" if trial.marked else "no mark"
