@@ -84,7 +84,7 @@ class Newcomer:
 
     def _true_place(self, question: Guide) -> np.ndarray:
         place = np.array(question.position)
-        if "bottom left" in question.text:
+        if "bottom-left" in question.text:
             place[:2] += BESIDE
         elif "well" in question.text or "water" in question.text or "rag" in question.text:
             place += 0.0016, -0.0012, 0.0
