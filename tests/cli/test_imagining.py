@@ -12,6 +12,7 @@ from frida_painter import images
 from frida_painter.cli import imagining
 from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
+from frida_painter.runs.fields import limits_of
 from frida_painter_words.picture_makers import making as picture_making
 from frida_painter_words.picture_makers.making import MadePicture, Making
 from support.commandline import Command
@@ -169,5 +170,7 @@ def test_who_leaves_paints_nothing_and_keeps_the_pictures(tmp_path: Path) -> Non
 
 def test_the_limits_in_the_help_are_those_of_the_making() -> None:
     """They stand twice, since help loads no tensors."""
-    for name in ("MAX_PICTURES", "USUAL_PICTURES", "MAX_MINUTES", "USUAL_MINUTES"):
-        assert getattr(imagining, f"_{name}") == getattr(picture_making, name)
+    for name, noun in (("imagine_pictures", "PICTURES"), ("imagine_minutes", "MINUTES")):
+        field = imagining.ImaginingSettings.model_fields[name]
+        assert field.default == getattr(picture_making, f"USUAL_{noun}")
+        assert limits_of(field)["le"] == getattr(picture_making, f"MAX_{noun}")

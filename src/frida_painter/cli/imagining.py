@@ -5,51 +5,42 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from frida_painter import registry
 from frida_painter.cli.stop_signal import stop_on_signals
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError
-from frida_painter.options import number_within, whole_number_within
+from frida_painter.runs.spec import GoalSettings, RunSpec, SettingSection, setting
 
 if TYPE_CHECKING:
     from frida_painter.objectives.encoders.loading import EncoderRegistry
-    from frida_painter.runs.spec import RunSpec
 
 _imagine = registry.Later("frida_painter_words.picture_makers.making:imagine")
 _make_pictures = registry.Later("frida_painter_words.picture_makers.making:make_pictures")
-_PANEL = "What to paint"
-_MAX_PICTURES, _USUAL_PICTURES = 16, 4
-_MAX_MINUTES, _USUAL_MINUTES = 1440, 30
 _FOLDER = Path("paintings") / "imagined"
 _WITHOUT = "go on without it by --beginning scene, or --beginning colors with a CLIP"
 
 
-def imagining_options() -> dict[str, Any]:
-    """Returns the annotations of the options by name; each is None if it is not given."""
-    makers = ", ".join(registry.parts(registry.PICTURE_MAKERS))
-    made_from = (
-        "Make a picture from the words first, and paint that: of --init-text if it is given, else of --text. Makers: "
-        f"{makers}; for example diffusers:FOLDER, command:PROGRAM, http:URL. [dim]diffusers, if `models fetch imagine` "
-        "got it, for words without --beginning[/]"
+class ImaginingSettings(SettingSection):
+    """Pictures that are made from words before a painting; no description keeps these settings."""
+
+    panel: ClassVar[str] = GoalSettings.panel
+
+    imagine: str | None = setting(
+        None,
+        value="NAME:TEXT",
+        usual="diffusers, if `models fetch imagine` got it, for words without --beginning",
+        of=(registry.PICTURE_MAKERS,),
     )
-    number = f"Number of pictures that are made, each with a seed of its own, to choose from. [dim]{_USUAL_PICTURES}[/]"
-    minutes = f"Minutes that --imagine may take for all its pictures. [dim]{_USUAL_MINUTES}[/]"
-    count, time = whole_number_within(1, _MAX_PICTURES), number_within(0, _MAX_MINUTES)
-    named = typer.Option(metavar="NAME:TEXT", help=made_from, rich_help_panel=_PANEL)
-    counted = typer.Option(parser=count, metavar="N", help=number, rich_help_panel=_PANEL)
-    timed = typer.Option(parser=time, metavar="X", help=minutes, rich_help_panel=_PANEL)
-    types = (Annotated[str | None, named], Annotated[int | None, counted], Annotated[float | None, timed])
-    return dict(zip(IMAGINING, types, strict=True))
+    """Make a picture from the words first, and paint that: of --init-text if it is given, else of --text; for example
+    diffusers:FOLDER, command:PROGRAM, http:URL."""
+    imagine_pictures: int = setting(4, ge=1, le=16)
+    """Number of pictures that are made, each with a seed of its own, to choose from."""
+    imagine_minutes: float = setting(30.0, ge=0, le=1440)
+    """Minutes that --imagine may take for all its pictures."""
 
 
-IMAGINING = ("imagine", "imagine_pictures", "imagine_minutes")
-"""Names of the options."""
-
-
-def usual_maker(spec: "RunSpec") -> str | None:
+def usual_maker(spec: RunSpec) -> str | None:
     """Returns the fetched maker if it makes the first picture of words; None if none is here, or is wanted.
 
     It is wanted for words without another picture to begin with, unless the description says how to begin them.
@@ -61,7 +52,7 @@ def usual_maker(spec: "RunSpec") -> str | None:
     return "diffusers" if is_wanted else None
 
 
-def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool, paints: bool) -> "RunSpec":
+def imagine_beginning(spec: RunSpec, given: Mapping[str, Any], *, asked: bool, paints: bool) -> RunSpec:
     """Returns the description, with made pictures in place of words if a maker was named or fetched.
 
     given: options by name
@@ -69,21 +60,21 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
     paints: True if the description is painted, False if it is only planned
     Raises MakingFailed, Interrupted after a signal, and the errors of `PaintingRun`, as far as they are known before.
     """
-    maker = (named := given.get("imagine")) or usual_maker(spec)
+    names = [name for name in ImaginingSettings.model_fields if given.get(name) is not None]
+    wanted = ImaginingSettings.accept({name: given[name] for name in names})
+    maker = (named := wanted.imagine) or usual_maker(spec)
+    if maker is None and names:
+        raise ConfigError(
+            f"--{names[0].replace('_', '-')} was given without --imagine, which names a maker; give both, or fetch one "
+            "with `frida-painter models fetch imagine` and leave out --beginning and --pictures."
+        )
     if maker is None:
-        for name in IMAGINING[1:]:
-            if given.get(name) is not None:
-                raise ConfigError(
-                    f"--{name.replace('_', '-')} was given without --imagine, which names a maker; give both, or fetch "
-                    "one with `frida-painter models fetch imagine` and leave out --beginning and --pictures."
-                )
         return spec
     from frida_painter.objectives.encoders.loading import EncoderRegistry
     from frida_painter.runs.goal_item import name_of
     from frida_painter.runs.goals import open_goal
     from frida_painter.session.opening import planning_device
 
-    minutes = given.get("imagine_minutes")
     now = f"{datetime.now():%Y%m%d-%H%M%S}"
     with stop_on_signals(
         ("Ending the making of pictures.", "The making is being ended; a third Ctrl-C ends all.")
@@ -108,8 +99,8 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
                     maker,
                     _FOLDER / f"{name_of(words)}-{now}-{number}",
                     spec,
-                    count=given.get("imagine_pictures") or _USUAL_PICTURES,
-                    minutes=_USUAL_MINUTES if minutes is None else minutes,
+                    count=wanted.imagine_pictures,
+                    minutes=wanted.imagine_minutes,
                     stop_asked=lambda: stop.asked,
                     tell=_tell,
                     encoders=encoders,
@@ -124,7 +115,7 @@ def imagine_beginning(spec: "RunSpec", given: Mapping[str, Any], *, asked: bool,
         return replaced
 
 
-def _check(spec: "RunSpec", out: Path | None, encoders: "EncoderRegistry", *, paints: bool) -> None:
+def _check(spec: RunSpec, out: Path | None, encoders: "EncoderRegistry", *, paints: bool) -> None:
     """Raises what a painting of made pictures would raise at its beginning, before time is spent on making them."""
     import torch
 

@@ -19,7 +19,7 @@ from rich.markup import escape
 from rich.padding import Padding
 from rich.table import Table
 
-from frida_painter.cli.imagining import IMAGINING, imagining_options
+from frida_painter.cli.imagining import ImaginingSettings
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.options import any_number, camera_name, out_folder, whole_number
@@ -165,7 +165,7 @@ class Wells:
 
 TAKEN = frozenset(RunSpec.model_fields) - {"goal"} | {
     *("photo", "settings", "out", "ask", "yes", "candidates", "brush", "help_all"),
-    *IMAGINING,
+    *ImaginingSettings.model_fields,
 }
 """Names of options that no kind of goal can have."""
 _FILES = "Where the painting goes"
@@ -201,10 +201,9 @@ def planning_options(sections: Iterable[type[SettingSection]] = OF_PLANS) -> lis
     """Returns the options of a plan, with those of the settings in these sections."""
     return [
         *(option for option in goal_options() if option.name not in TAKEN),
-        *(_keyword(name, option) for name, option in imagining_options().items()),
         *(
             _keyword(name, _option(field, section.panel, camera_name if name == "camera" else None))
-            for section in sections
+            for section in (ImaginingSettings, *sections)
             for name, field in section.model_fields.items()
             if name not in _WITHOUT_OPTION
         ),

@@ -106,6 +106,15 @@ class SettingSection(BaseModel):
     )
     panel: ClassVar[str] = ""
 
+    @classmethod
+    def accept(cls, values: Mapping[str, Any]) -> Self:
+        """Returns the settings with these values. Raises ConfigError, which names all faults at once."""
+        try:
+            return cls(**values)
+        except ValidationError as error:
+            faults = [sentence_on(fault, cls.model_fields) for fault in error.errors()]
+            raise ConfigError(f"{'; '.join(faults)}.") from error
+
 
 class GoalSettings(SettingSection):
     """Goal of a painting, and the way from words to a picture."""
@@ -431,12 +440,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
             if "brushes" in settings:
                 raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
             settings["brushes"] = settings.pop("brush")
-        try:
-            chosen = cls(**settings)
-        except ValidationError as error:
-            raise ConfigError(
-                "; ".join(sentence_on(fault, cls.model_fields) for fault in error.errors()) + "."
-            ) from error
+        chosen = cls.accept(settings)
         for name, value in settings.items():
             fault = storage.path_fault(value) if isinstance(value, str | Path) and name != "avoid" else ""
             if fault:
