@@ -28,7 +28,7 @@ from frida_painter.planning.placement import Placement
 from frida_painter.runs import look_folder, painting_folder
 from frida_painter.runs.goal_item import read_goal_file
 from frida_painter.runs.painting_easel import order
-from frida_painter.runs.run_record import RunRecord
+from frida_painter.runs.painting_folder import RunRecord
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import resuming
 from frida_painter.session.events import (

@@ -5,9 +5,16 @@ from pathlib import Path
 
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
-from frida_painter.runs.painting_folder import SETTINGS, read_goal
+from frida_painter.runs.painting_folder import (
+    NO_RECORD,
+    RECORD,
+    SETTINGS,
+    RecordCheck,
+    RunRecord,
+    hash_picture,
+    read_goal,
+)
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.run_record import NO_RECORD, RECORD, RecordCheck, RunRecord, hash_picture
 from frida_painter.runs.spec import RunSpec, upgrade_record
 
 

@@ -15,9 +15,8 @@ from frida_painter import images
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.palette import from_hex
-from frida_painter.runs.painting_folder import history_of
+from frida_painter.runs.painting_folder import RunRecord, history_of
 from frida_painter.runs.run import PaintingRun, paint
-from frida_painter.runs.run_record import RunRecord
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Finishing, GroundWanted, Planned, Stopped, StrokePainted

@@ -10,8 +10,7 @@ import pytest
 import frida_painter as fp
 from frida_painter import storage
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter.runs.painting_folder import hash_files
-from frida_painter.runs.run_record import RecordCheck, RunRecord
+from frida_painter.runs.painting_folder import RecordCheck, RunRecord, hash_files
 from support.belongings import files_of_a_person
 from support.commandline import run_command
 from support.planning import picture

@@ -58,16 +58,18 @@ from frida_painter.runs.painting_folder import (
     CALIBRATION,
     NOW,
     PAINTINGS,
+    RECORD,
     SETTINGS,
     ReopenedPainting,
+    RunRecord,
     hash_files,
+    hash_picture,
+    input_hashes,
     keep_goal,
     keep_learned,
     new_folder,
     reopen,
 )
-from frida_painter.runs.painting_folder import input_hashes as hashes
-from frida_painter.runs.run_record import RECORD, RunRecord, hash_picture
 from frida_painter.runs.settle import (
     begin_together,
     fit_canvas,
@@ -332,7 +334,7 @@ class PaintingRun:
         self.easel.calibration.save(self.folder / CALIBRATION)
         self._run_record = self.begin_record("painting")
         self._led = "" if plan is None else "It was painted from a plan that was given; verify the folder of that plan."
-        journal = Journal.begin(self.folder, self.spec.record(), hashes(self.spec, self.folder))
+        journal = Journal.begin(self.folder, self.spec.record(), input_hashes(self.spec, self.folder))
         self._stack.callback(journal.close)
         recorder = self._recorder()
         self._stack.enter_context(recorder)
