@@ -17,7 +17,7 @@ PROGRAM = "frida-painter"
 PLUGIN = "plug-in "
 """Beginning of the name of a plug-in among the facts."""
 NOT_DECISIVE = ("commit", "processor")
-"""Facts that are told, or were in earlier versions, and do not decide what comes out."""
+"""Facts that earlier versions told, and that do not decide what comes out."""
 _DIGITS = 16
 _CODE = {".py", ".so", ".pyd", ".json", ".toml", ".csv", ".txt"}
 _MAX_FILES = 5000
@@ -37,7 +37,6 @@ def describe_here(device: str = "cpu") -> dict[str, str]:
         **describe_plugins(),
         "device": device,
         "machine": f"{sys.platform} {platform.machine()}",
-        **({"processor": name} if (name := _processor()) else {}),
     }
 
 
@@ -96,15 +95,6 @@ def hash_code(path: Path) -> str:
 def _digest(file: Path, size: int, changed: int) -> bytes:
     """Returns the hash of a file, whose size and time change with its content. Raises OSError."""
     return hashlib.sha256(file.read_bytes()).digest()  # a source file that Python would import
-
-
-def _processor() -> str:
-    """Returns the name of the processor; "" if the system does not tell it."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text("utf-8", "replace").splitlines()
-    except OSError:
-        return platform.processor()
-    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
 
 
 def compare_facts(before: Mapping[str, str], here: Mapping[str, str]) -> list[str]:

@@ -105,9 +105,9 @@ def prepare_forks() -> None:
 
     multiprocessing forks on Linux, and so does gymnasium's AsyncVectorEnv. PyTorch's own DataLoader does the same.
     """
-    os.register_at_fork(after_in_child=_use_one_thread)
 
+    def use_one_thread() -> None:
+        if torch := sys.modules.get("torch"):
+            torch.set_num_threads(1)
 
-def _use_one_thread() -> None:
-    if torch := sys.modules.get("torch"):
-        torch.set_num_threads(1)
+    os.register_at_fork(after_in_child=use_one_thread)

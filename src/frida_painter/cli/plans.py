@@ -102,16 +102,14 @@ def _list_fillings(path: Path) -> list[tuple[int, "Palette", list[float] | None]
     from frida_painter.perception.color import read_palette
     from frida_painter.plan import Plan
 
-    if path.is_dir() or _is_plan(path):
+    is_plan = path.is_dir()
+    if not is_plan:
+        with storage.open_checked(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
+            is_plan = b'"frida-painter plan"' in file.read(200)
+    if is_plan:
         plan = Plan.load(path)
         return [(layer, part.palette, volumes(part).tolist()) for layer, part in plan.by_wells()]
     return [(1, read_palette(path, None), None)]
-
-
-def _is_plan(path: Path) -> bool:
-    """Returns True if a file begins like a plan. Raises ConfigError if there is no file."""
-    with storage.open_checked(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
-        return b'"frida-painter plan"' in file.read(200)
 
 
 def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
