@@ -151,11 +151,6 @@ def parts(group: str) -> Mapping[str, Part]:
     return ours | dict(sorted(others.items()))
 
 
-def names_of_others(group: str) -> tuple[str, ...]:
-    """Returns the names that other packages register in a group, without those of this project; imports nothing."""
-    return tuple(name for name, part in parts(group).items() if not part.is_ours)
-
-
 def modules_of_others() -> Mapping[str, tuple[str, ...]]:
     """Returns the top-level modules that other packages register in any of our groups, by the package's name."""
     found: dict[str, set[str]] = {}

@@ -21,7 +21,7 @@ from rich.table import Table
 
 from frida_painter.cli.imagining import ImaginingSettings
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
-from frida_painter.objectives.objective import Gives, goal_kinds
+from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
 from frida_painter.options import any_number, camera_name, out_folder, whole_number
 from frida_painter.registry import Later
 from frida_painter.runs.spec import OF_PLANS, GoalSettings, RunSpec, SettingSection, about, help_of, usual_of
@@ -42,24 +42,21 @@ def goal_options() -> list[Parameter]:
     Each kind NAME has values and weights, NAME and NAME_weight. Then follow goals of the start, init_NAME, then
     goal (a file). `read_goal_options` reads them.
     """
+
+    def several(name: str, kind: GoalKind, text: str) -> Parameter:
+        typed: Any = str if kind.gives is Gives.WORDS else Path
+        option = typer.Option(metavar=kind.gives.value, help=f"{text} May be repeated.", rich_help_panel=_PANEL)
+        return _keyword(name, Annotated[list[typed] | None, option])
+
     kinds, options = list(goal_kinds().by_name.values()), []
-    named = [(kind.name, kind, kind.help) for kind in kinds]
-    for name, kind, text in [*named, *((f"init_{one.name}", one, one.initial_help) for one in kinds)]:
-        if text:
-            typed: Any = str if kind.gives is Gives.WORDS else Path
-            told: dict[str, Any] = {
-                "metavar": kind.gives.value,
-                "help": f"{text} May be repeated.",
-                "rich_help_panel": _PANEL,
-            }
-            options.append(_keyword(name, Annotated[list[typed] | None, typer.Option(**told)]))
-        if name == kind.name:
-            text = f"The weight of each {kind.option}, in the same order. [dim]1[/]"
-            weight = typer.Option(parser=any_number, metavar="X", help=text, rich_help_panel=_PANEL)
-            options.append(_keyword(f"{name}_weight", Annotated[list[float] | None, weight]))
-    file = typer.Option(
-        "--goal", metavar="FILE", help="A TOML file with goals and their weights.", rich_help_panel=_PANEL
-    )
+    for kind in kinds:
+        text = f"The weight of each {kind.option}, in the same order. [dim]1[/]"
+        weight = typer.Option(parser=any_number, metavar="X", help=text, rich_help_panel=_PANEL)
+        options += [several(kind.name, kind, kind.help)]
+        options += [_keyword(f"{kind.name}_weight", Annotated[list[float] | None, weight])]
+    options += [several(f"init_{kind.name}", kind, kind.initial_help) for kind in kinds if kind.initial_help]
+    text = "A TOML file with goals and their weights."
+    file = typer.Option("--goal", metavar="FILE", help=text, rich_help_panel=_PANEL)
     return [*options, _keyword("goal", Annotated[Path | None, file])]
 
 
@@ -253,12 +250,15 @@ def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:
 def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None) -> Any:
     """Returns the command-line option of a setting, under a heading; `parser` reads its text."""
     more, kind = about(field), field.annotation
-    parsers = {int: (whole_number, "N"), float: (any_number, "X"), bool: (None, None)}
-    typed: Any = next((one for one in parsers if kind in (one, one | None)), str)
-    parse, value = parsers.get(typed, (parser, "|".join(map(str, get_args(kind)))))
     told: dict[str, Any] = {"rich_help_panel": heading, "help": f"{help_of(field)} [dim]{usual_of(field)}[/]"}
-    told |= {"parser": parse, "metavar": (more["value"] or value) if typed is not bool else None}
-    return Annotated[typed | None, typer.Option(*more["names"], **told)]
+    if kind in (bool, bool | None):
+        return Annotated[bool | None, typer.Option(**told)]
+    if kind in (int, int | None):
+        return Annotated[int | None, typer.Option(parser=whole_number, metavar=more["value"] or "N", **told)]
+    if kind in (float, float | None):
+        return Annotated[float | None, typer.Option(parser=any_number, metavar=more["value"] or "X", **told)]
+    value = more["value"] or "|".join(map(str, get_args(kind)))
+    return Annotated[str | None, typer.Option(*more["names"], metavar=value, parser=parser, **told)]
 
 
 # Help of a command with many options: one screen of those that people use, and all of them with --help-all.

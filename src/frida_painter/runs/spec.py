@@ -81,7 +81,8 @@ def help_of(field: Any) -> str:
     more, told = about(field), [" ".join(field.description.split())]
     if known := [name for group in more["of"] for name in registry.parts(group)]:
         told.append(f"Available: {', '.join(known)}.")
-    if added := [name for group in more["adds"] for name in registry.names_of_others(group)]:
+    adding = [part for group in more["adds"] for part in registry.parts(group).values()]
+    if added := [part.name for part in adding if not part.is_ours]:
         told.append(f"Installed packages add {', '.join(added)}.")
     return " ".join(told)
 
