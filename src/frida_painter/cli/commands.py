@@ -40,17 +40,6 @@ class Deferred:
         return get_group(app).commands[self.name]
 
 
-def group_of(entries: tuple[Deferred, ...]) -> type[TyperGroup]:
-    """Returns a group class whose commands are these entries, in that order: for `typer.Typer(cls=...)`."""
-
-    class DeferredGroup(TyperGroup):
-        def __init__(self, **settings: Any) -> None:
-            super().__init__(**settings)
-            self.commands = {entry.name: _DeferredCommand(entry) for entry in entries}
-
-    return DeferredGroup
-
-
 def nothing_first() -> None:
     """Done before every command; that there is something keeps a single command's name."""
 
@@ -121,9 +110,15 @@ STROKE_COMMANDS = tuple(
 )
 
 
+class _StrokeCommands(TyperGroup):
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = {entry.name: _DeferredCommand(entry) for entry in STROKE_COMMANDS}
+
+
 def register(app: typer.Typer) -> None:
     """Adds the group of commands for stroke models."""
-    group = typer.Typer(no_args_is_help=True, help=_LISTED[__name__]["strokes"], cls=group_of(STROKE_COMMANDS))
+    group = typer.Typer(no_args_is_help=True, help=_LISTED[__name__]["strokes"], cls=_StrokeCommands)
     app.add_typer(group, name="strokes")
 
 

@@ -431,16 +431,16 @@ class PaintingRun:
         """Returns the canvas that the plan was made for, if it is known, and the canvas now; saves the latter.
 
         Without a camera, both are taken to be as the journal tells; without a plan either, neither is known.
-        unseen: True if a person painted after the last look. Raises FrameRejected if it has changed, and nobody accepts
-        that.
+        unseen: True if a person painted after the last look.
+        Raises FrameRejected if it has changed, and nobody accepts that.
         """
-        if not self.easel.has_camera and kept is None:
-            return None, None
-        if not self.easel.has_camera and kept is not None:
+        assert self._reopened is not None
+        if not self.easel.has_camera:
+            if kept is None:
+                return None, None
             before, now = self._expect_canvas(kept)
             images.save(now, self.folder / NOW)
             return before, now
-        assert self._reopened is not None
         now = session.look()
         images.save(now, self.folder / NOW)
         seen = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
