@@ -32,11 +32,8 @@ from frida_painter.calibration import Calibration, WetPaint
 from frida_painter.easel.kinds import ARM_FILM, JOURNAL, SIMULATION_LOG
 from frida_painter.errors import ConfigError, FridaError, StorageError
 from frida_painter.event_log import missing
-from frida_painter.perception.frame_check import FrameCheck
 from frida_painter.planning.placement import Placement
-from frida_painter.planning.planner import Planner
 from frida_painter.report.film import SKETCHBOOK
-from frida_painter.report.sheets import doubt
 from frida_painter.runs.fields import brush_file
 from frida_painter.runs.goal_item import MAKING, making_file, read_goal_file, read_making
 from frida_painter.runs.spec import FILES, SETTLED, RunSpec, upgrade_record
@@ -227,23 +224,6 @@ class ReopenedPainting:
     plan: KeptPlan | None
     placement: Placement | None
     accept_changes: bool
-
-    def require_as_left(self, good: FrameCheck | None, planner: Planner, before: Tensor, now: Tensor) -> None:
-        """Raises FrameRejected if the canvas `now` differs from the canvas `before` plus the strokes in the journal.
-
-        before, now: [3, H, W].
-        good: features of a good photograph. None: no check.
-        """
-        if self.plan is not None and good is not None:
-            good.require_explained(now, resuming.expect_canvas(self.plan, self.history, planner, before))
-
-    def stroke_in_doubt(self, planner: Planner, now: Tensor) -> Tensor | None:
-        """Returns a picture of the stroke in doubt on the canvas `now`; None if there is no such stroke."""
-        number = self.history.in_doubt
-        if number is None or self.plan is None:
-            return None
-        painted = planner.expected(self.plan.plan.part(slice(number - 1, number)), now)
-        return doubt(self.plan.plan, number - 1, now, painted)
 
 
 def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainting:

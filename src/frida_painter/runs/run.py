@@ -52,6 +52,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.registry import Later
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.recorder import Recorder
+from frida_painter.report.sheets import doubt
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_easel import needed_calibrations, order, with_operator
 from frida_painter.runs.painting_folder import (
@@ -408,9 +409,11 @@ class PaintingRun:
             session.person.remember(history.person, history.person_seen, history.person_released)
         doubtful = history.in_doubt is not None
         repaint = False
-        if now is not None and (picture := self._reopened.stroke_in_doubt(self.planner, now)) is not None:
+        if now is not None and kept is not None and (number := history.in_doubt) is not None:
+            painted = self.planner.expected(kept.plan.part(slice(number - 1, number)), now)
+            picture = doubt(kept.plan, number - 1, now, painted)
             images.save(picture, self.folder / NOW)
-            repaint = self.controls.repaint(history.in_doubt or 0, picture)
+            repaint = self.controls.repaint(number, picture)
         journal.record_resume(history, repaint=repaint)
         self._stack.enter_context(recorder)
         if kept is None or now is None:
@@ -449,7 +452,8 @@ class PaintingRun:
         if self._reopened.accept_changes:
             return None, now
         try:
-            self._reopened.require_as_left(session.observer.good, self.planner, seen, now)
+            if kept is not None and (good := session.observer.good) is not None:
+                good.require_explained(now, resuming.expect_canvas(kept, self._reopened.history, self.planner, seen))
         except FrameRejected as difference:
             if self.controls.paint_on(str(difference), now):
                 return None, now
