@@ -7,7 +7,7 @@ import pytest
 
 from frida_painter import provenance
 from frida_painter.registry import OBJECTIVES
-from plugins import install, install_own_parts
+from plugins import install
 
 
 def test_the_facts_name_program_libraries_and_code() -> None:
@@ -30,11 +30,6 @@ def test_a_plug_in_has_version_and_hash_of_its_code(tmp_path: Path, monkeypatch:
         f"plug-in calm was {facts['plug-in calm']} and is {changed['plug-in calm']} here"
     ]
     assert len({before, provenance.identify(facts), provenance.identify(changed)}) == 3
-
-
-def test_a_package_is_hashed_with_all_its_modules(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    install_own_parts(tmp_path, monkeypatch)
-    assert provenance.describe_plugins().keys() == {"plug-in own-parts"}
 
 
 def test_the_hash_is_of_names_and_contents(tmp_path: Path) -> None:

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import typer
-from typer.models import OptionInfo
 
 from frida_painter import registry, storage
 from frida_painter.hardware.kinds import CameraKind
+from frida_painter.runs.spec import RunSpec, about, help_of
 
 _Number = TypeVar("_Number", int, float)
 
@@ -78,36 +78,23 @@ def picture_file(text: str | Path) -> Path:
     return path
 
 
-class ListingOption(OptionInfo):
-    """Option for the name of a part; its help lists the parts that are registered at that moment."""
-
-    def __init__(self, *declared: str, groups: tuple[str, ...], says: str, **more: Any) -> None:
-        super().__init__(default=..., param_decls=declared, **more)
-        self._groups, self._says = groups, says
-
-    def __getattribute__(self, name: str) -> Any:
-        if name == "help":
-            known = [part for group in self._groups for part in registry.parts(group)]
-            return f"{self._says} {', '.join(known)}."
-        return super().__getattribute__(name)
+def listing_option(*declared: str, groups: tuple[str, ...], says: str, **more: Any) -> Any:
+    """Returns an option for the name of a part; its help lists the registered parts."""
+    known = [part for group in groups for part in registry.parts(group)]
+    return typer.Option(*declared, help=f"{says} {', '.join(known)}.", **more)
 
 
-class SettingOption(OptionInfo):
-    """Option for a setting of a painting; its help is that of the setting, read when it is shown."""
-
-    def __init__(self, setting: str, **more: Any) -> None:
-        super().__init__(default=..., param_decls=(f"--{setting.replace('_', '-')}",), **more)
-        self._setting = setting
-
-    def __getattribute__(self, name: str) -> Any:
-        if name in ("help", "metavar", "show_default"):
-            from frida_painter.runs.spec import RunSpec, about, help_of
-
-            field = RunSpec.model_fields[self._setting]
-            if name == "show_default":
-                return about(field)["usual"] or True
-            return help_of(field) if name == "help" else about(field)["value"] or "X"
-        return super().__getattribute__(name)
+def setting_option(name: str, parser: Callable[[str], Any] | None = None) -> Any:
+    """Returns an option for a setting of a painting, with its help and its default in words."""
+    field = RunSpec.model_fields[name]
+    more = about(field)
+    return typer.Option(
+        f"--{name.replace('_', '-')}",
+        parser=parser,
+        help=help_of(field),
+        metavar=more["value"] or "X",
+        show_default=more["usual"] or True,
+    )
 
 
 def camera_name(text: str) -> str:
@@ -120,7 +107,7 @@ def camera_name(text: str) -> str:
 
 
 BrushOption = Annotated[
-    str, ListingOption("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush. Available:")
+    str, listing_option("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush. Available:")
 ]
 SeedOption = Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")]
 PlanFile = Annotated[
@@ -129,8 +116,8 @@ PlanFile = Annotated[
 PictureOut = Annotated[
     Path, typer.Option(parser=picture_file, metavar="FILE", help="The picture to write, .png or .jpg.")
 ]
-RobotOption = Annotated[str, SettingOption("robot")]
-CameraOption = Annotated[str, SettingOption("camera", parser=camera_name)]
-WorkspaceOption = Annotated[Path | None, SettingOption("workspace")]
-PaceOption = Annotated[float, SettingOption("pace", parser=any_number)]
-PlacementErrorOption = Annotated[str | None, SettingOption("placement_error")]
+RobotOption = Annotated[str, setting_option("robot")]
+CameraOption = Annotated[str, setting_option("camera", parser=camera_name)]
+WorkspaceOption = Annotated[Path | None, setting_option("workspace")]
+PaceOption = Annotated[float, setting_option("pace", parser=any_number)]
+PlacementErrorOption = Annotated[str | None, setting_option("placement_error")]

@@ -63,19 +63,6 @@ def test_strokes_out_of_reach_are_named_and_drawn_in_red(plan, capsys) -> None:
     assert alarming[:, : width // 4].sum() < 50
 
 
-def test_strokes_that_the_simulated_sawyer_does_not_reach_are_drawn_in_red(monkeypatch, tmp_path, capsys) -> None:
-    pytest.importorskip("mink")
-    monkeypatch.chdir(tmp_path)
-    made_up_plan(6, 2).save(Path("small.json"))
-    assert run_command("check", "small.json", "--robot", "sawyer-sim") == 0
-    assert "all of it can be painted" in capsys.readouterr().out
-    far = workspace(("corner = [0.30", "corner = [0.75"), ("upper = [0.70", "upper = [1.20"))
-    assert run_command("check", "small.json", "--robot", "sawyer-sim", "--workspace", far) == 1
-    assert re.search(r"stroke \d: the arm does not reach \(", capsys.readouterr().err)
-    red, green, blue = images.load(Path("check.png"))
-    assert ((red > 0.7) & (green < 0.2) & (blue < 0.25)).sum() > 500
-
-
 def test_another_canvas_and_missing_wells_are_told_together(plan, capsys) -> None:
     wells = re.search(r"wells = \[.*?\n\]", example(), re.DOTALL)
     assert wells
@@ -201,10 +188,3 @@ def test_a_machine_with_too_little_travel_is_told_before_its_zero_is_found(
     told = capsys.readouterr().err
     assert re.search(r"needs \d+\.\d mm along x, and the machine's own limits leave 200\.0 mm of travel", told), told
     assert not machine.moved
-
-
-def test_a_machine_that_cannot_paint_like_this_is_told(simulated_time: SimulatedTime, plan, capsys) -> None:
-    cable = simulated_time.attach(grbl.GrblController(grbl.GRBL))
-    name = f"gcode:{cable.name},sinks=yes"
-    assert run_command("check", plan, "--robot", name, "--workspace", workspace()) == 1
-    assert "the brush would sink" in capsys.readouterr().err

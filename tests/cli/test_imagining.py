@@ -153,12 +153,6 @@ def test_a_person_chooses_by_number_or_takes_the_best(tmp_path: Path, lines: lis
     assert json.loads((tmp_path / "making.json").read_text())["chosen"] == f"hat-{chosen}.png"
 
 
-def test_nobody_there_takes_the_best_and_tells_the_rule(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert choose_picture(making(tmp_path), None).name == "hat-2.png"
-    assert "Picture 2 is painted, because it is the best." in capsys.readouterr().err
-    assert json.loads((tmp_path / "making.json").read_text())["because"] == "it is the best"
-
-
 def test_who_leaves_paints_nothing_and_keeps_the_pictures(tmp_path: Path) -> None:
     def leave(prompt: str) -> str:
         raise EOFError

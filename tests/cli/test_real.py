@@ -22,7 +22,7 @@ from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.journal import History
 from frida_painter_drivers.gcode import GcodeRobot
 from killing import kill_when
-from machines.grbl import GRBL, GRBLHAL, QUICK, GrblController
+from machines.grbl import GRBLHAL, QUICK, GrblController
 from machines.simulated_time import Living
 from support import data
 from support.commandline import Command
@@ -234,22 +234,3 @@ def test_a_brush_that_is_not_in_the_rack_is_refused_before_anything_moves(run: R
         status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", "--yes")
         assert status == 2 and "holds broad, medium, and this painting needs fine" in " ".join(said.split())
         assert grbl.moved == []
-
-
-def test_a_board_that_restarts_is_not_painted_with_until_a_person_has_found_its_zero(run: Run, easel: Path) -> None:
-    """Its counters are 0 wherever it stands: it is asked for, and then the strokes are where they belong."""
-    workcell = WorkcellConfig.load(easel / "easel.toml")
-    corner = np.array([*workcell.workspace.canvas_origin[:2], workcell.touch_height]) * 1000
-    machine = GrblController(GRBL, FAST)
-    machine.slip = corner + np.array([30.0, 20.0, 0.0])
-    with Living(machine, pace=60) as line:
-        words = ("paint", "coffee.png", *SMALL, *on(line.name), "--no-film", "--out", "it")
-        status, said = run(*words, "--yes")
-        assert status == 2 and "does not know where its brush is" in " ".join(said.split()), said
-        assert machine.moved == []
-        jogs = ["u", "ok", "-30", "ok", "-20", "ok", "d", "ok"]
-        status, said = run(*words, typing=["n", *jogs, "y", "y", "y"])
-        assert status == 0, said
-    assert told(easel / "it").finished
-    pressed = [place for place in machine.moved if corner[2] - 11 < place[2] < corner[2] and place[0] > 300]
-    assert pressed and min(place[2] for place in machine.moved) >= 107.9

@@ -158,17 +158,11 @@ def test_what_is_painted_cannot_become_something_else(resume: Resume, painting: 
     [
         (lambda folder: shutil.rmtree(folder), "is not the folder of a painting"),
         (lambda folder: (folder / "journal").unlink(), "is not the folder of a painting"),
-        (lambda folder: (folder / "journal").write_bytes(b""), "not a journal"),
         (lambda folder: (folder / "settings.json").unlink(), "settings.json does not exist"),
-        (lambda folder: (folder / "settings.json").write_text("{"), "does not hold the settings"),
-        (lambda folder: (folder / "settings.json").write_text('{"film": 3}'), "does not hold the settings"),
         (lambda folder: (folder / "plan.json").write_text("{"), "plan.json is not a plan"),
         (lambda folder: tensors_of(folder / "plan.json").write_bytes(b"PK"), "is not the file that belongs to"),
         (lambda folder: (folder / "goal" / "goal.toml").unlink(), "goal: it was"),
         (lambda folder: (folder / "studio.diary").write_text("{}\n"), "studio.diary: its last"),
-        (lambda folder: (folder / "studio.diary").unlink(), "studio.diary: its last"),
-        (lambda folder: os.mkfifo(replaced(folder / "studio.diary")), "studio.diary is not a plain file"),
-        (lambda folder: os.mkfifo(replaced(folder / "settings.json")), "settings.json is not a plain file"),
         (lambda folder: replaced(folder / "plan.json").symlink_to("/dev/zero"), "plan.json is not a plain file"),
         (lambda folder: os.mkfifo(replaced(folder / "journal")), "journal is not a plain file"),
         (lambda folder: change_middle(folder / "journal"), "was changed after it was written"),
@@ -230,17 +224,6 @@ def test_results_are_made_again_from_what_the_folder_holds(resume: Resume, paint
     assert [again[name] for name in same] == [first[name] for name in same]
     assert (painting / "studio.diary").read_bytes() == motions, "nothing was moved"
     assert "nothing is left to do" in resume("painting", "--yes")[1]
-
-
-def test_without_its_photograph_the_picture_serves_and_without_both_it_is_told(resume: Resume, painting: Path) -> None:
-    assert resume("painting", "--yes")[0] == 0
-    picture = (painting / "painting.png").read_bytes()
-    shutil.rmtree(painting / "photographs")
-    (painting / "result.json").unlink()
-    assert resume("painting")[0] == 0 and (painting / "painting.png").read_bytes() == picture
-    (painting / "painting.png").unlink()
-    status, said = resume("painting")
-    assert status == 2 and "painting.png does not exist" in said
 
 
 def change_middle(path: Path) -> None:

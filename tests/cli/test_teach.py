@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from frida_painter.easel import connecting
-from frida_painter.errors import ConfigError, FamilyError, MotionFailed
+from frida_painter.errors import ConfigError, MotionFailed
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter_calibration.commands.teach import guide, teach
@@ -101,14 +101,6 @@ def test_marks_that_were_drawn_before_a_fault_are_kept(
         guide(ARM, workspace, "fine", tmp_path / "marks.json")
     hand.join()
     assert len(read_marks(tmp_path / "marks.json")) == 2
-
-
-def test_an_arm_that_never_touched_the_canvas(box: XarmBox, workspace: Path, keyboard: int, tmp_path: Path) -> None:
-    hand = lead(box, workspace, keyboard, marks=0)
-    with pytest.raises(FamilyError, match="0 touches of the canvas were recorded"):
-        guide(ARM, workspace, "fine", tmp_path / "marks.json")
-    hand.join()
-    assert box.mode == 0
 
 
 def test_what_is_missing_is_told_before_an_arm_is_released(

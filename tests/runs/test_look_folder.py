@@ -141,31 +141,3 @@ def test_corners_that_a_person_pointed_at_go_with_the_picture(tmp_path: Path) ->
     assert looks.take_next() is None, "it looks every half second at most"
     looks.file_away(given, "used")
     assert not list(looks.path.glob("*.*")) and len(list((looks.path / "used").iterdir())) == 2
-
-
-@pytest.mark.parametrize("where", ["used", "refused"])
-def test_no_picture_of_a_person_is_lost_when_two_have_one_name(tmp_path: Path, where: str) -> None:
-    looks, kept = LookFolder(tmp_path), set()
-    for shade in (0, 1, 2):
-        picture = looks.path / "canvas [1].png"
-        put(np.full((40, 60, 3), shade, np.uint8), picture)
-        kept.add(picture.read_bytes())
-        looks.file_away(GivenPicture(picture), where)
-    assert {file.read_bytes() for file in (looks.path / where).iterdir()} == kept and len(kept) == 3
-
-
-def test_a_picture_that_cannot_be_moved_away_stays_and_counts_once(tmp_path: Path) -> None:
-    looks = LookFolder(tmp_path)
-    put(np.zeros((40, 60, 3), np.uint8), looks.path / "mine.png")
-    os.utime(looks.path / "mine.png", (time.time() - 5,) * 2)
-    (looks.path / "used").write_text("no folder")
-    given = looks.take_next()
-    assert given is not None
-    looks.file_away(given, "used")
-    looks._next = 0.0
-    assert given.path.exists() and looks.take_next() is None
-
-
-def test_a_telephone_s_own_format_is_read() -> None:
-    heic = sorted((Path(__file__).parents[1] / "heic").glob("*.heic"))
-    assert heic and all(GivenPicture(path).load().ndim == 3 for path in heic[:2])

@@ -16,7 +16,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.palette import from_hex
 from frida_painter.runs.painting_folder import RunRecord, history_of
-from frida_painter.runs.run import PaintingRun, paint
+from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Finishing, GroundWanted, Planned, Stopped, StrokePainted
@@ -24,7 +24,6 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
 from killing import began, kill_when
 from support import data
-from support.networks import QuickEncoders
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "effort": 0.05, "brush": "fine", "colors": 2}
 
@@ -61,14 +60,6 @@ def stopping_after_three(photo: Path, heard: list[Event], folder: Path | None = 
 
     spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, replans=1, **SMALL)
     return PaintingRun(spec, folder, listeners=[hear], controls=Controls(stop_asked=stop.is_set))
-
-
-def test_a_plan_is_made_without_an_easel_or_a_folder(photo: Path) -> None:
-    with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=4, **SMALL)) as run:
-        plan = run.plan()
-        with pytest.raises(ConfigError, match="no folder yet"):
-            print(run.folder)
-    assert len(plan) == 4 and len(plan.palette) == 2
 
 
 def test_the_same_seed_gives_the_same_strokes_planned_and_painted(photo: Path) -> None:
@@ -200,32 +191,3 @@ def test_stopped_before_there_is_a_plan_nothing_is_left_to_finish(photo: Path, t
         outcome = run.start()
     assert outcome.page is None and any(isinstance(event, Stopped) for event in heard)
     assert not any(isinstance(event, Finishing) for event in heard)
-
-
-def test_a_painting_without_a_goal_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="nothing to paint"):
-        paint(folder=tmp_path / "painting", strokes=3)
-    assert not (tmp_path / "painting").exists()
-
-
-@pytest.mark.parametrize(
-    ("asked", "ground"),
-    [
-        ({}, "#203040"),
-        ({"ground": "white"}, "white"),
-        ({"robot": "human"}, "white"),
-        ({"studio_canvas": "old.png"}, "white"),
-    ],
-)
-def test_words_alone_are_painted_on_the_colour_around_their_things(
-    asked: dict[str, str], ground: str, photo: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(
-        "frida_painter.runs.settle.ground_around_things", lambda planner: (32 / 255, 48 / 255, 64 / 255)
-    )
-    for goal in ([{"text": "a strawberry"}], [{"text": "a strawberry"}, {"image": str(photo)}]):
-        spec = RunSpec.of(goal=goal, strokes=4, **SMALL, **asked)
-        with PaintingRun(spec, encoders=QuickEncoders()) as run:
-            bare = run.planner.bare
-        assert run.spec.ground == (ground if len(goal) == 1 else "white")
-        assert torch.equal(bare[:, 0, 0], from_hex("#ffffff" if run.spec.ground == "white" else run.spec.ground))

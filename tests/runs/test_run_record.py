@@ -9,13 +9,12 @@ import pytest
 
 import frida_painter as fp
 from frida_painter import storage
-from frida_painter.errors import ConfigError, StorageError
+from frida_painter.errors import StorageError
 from frida_painter.runs.painting_folder import RecordCheck, RunRecord, hash_files
 from support.belongings import files_of_a_person
 from support.commandline import run_command
 from support.planning import picture
 
-OLDER = Path(__file__).parents[1] / "older"
 SAME = "It can be made again here: nothing that decides it has changed."
 
 
@@ -133,11 +132,6 @@ def test_all_files_of_a_painting_are_known_and_stay_known_when_results_are_made_
     assert fp.record(folder).make_again() == RecordCheck(same=True)
 
 
-def test_a_folder_that_was_moved_is_the_same(begun: RunRecord, tmp_path: Path) -> None:
-    begun.folder.rename(tmp_path / "elsewhere")
-    assert RunRecord.load(tmp_path / "elsewhere").check().passed
-
-
 def test_what_has_changed_is_named(begun: RunRecord) -> None:
     fp.save_picture(picture() * 0.5, begun.folder / "goal" / "1" / "a.png")
     (begun.folder / "goal" / "goal.toml").unlink()
@@ -169,14 +163,6 @@ def test_a_damaged_record_is_refused_in_one_sentence(begun: RunRecord, damage: s
     with pytest.raises(StorageError) as refused:
         fp.record(begun.folder)
     assert "record.json" in str(refused.value) and "\n" not in str(refused.value)
-
-
-def test_older_folders_are_read_and_their_lack_is_said(tmp_path: Path) -> None:
-    for folder in ("plan", "painting"):
-        checked = fp.record(OLDER / folder).check()
-        assert not checked.passed and "holds no record.json" in checked.obstacle
-    with pytest.raises(ConfigError, match="holds no plan and no painting"):
-        fp.record(tmp_path)
 
 
 def test_a_plan_is_made_again_to_the_last_bit(tmp_path: Path) -> None:

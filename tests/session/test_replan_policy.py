@@ -60,7 +60,7 @@ def test_a_plugin_is_found_and_does_not_take_the_place_of_ours(monkeypatch: pyte
         importlib.metadata.EntryPoint(name, "frida_painter.session.replan_policy:EveryNth.parse", REPLAN_POLICIES)
         for name in ("twice-as-often", "times")
     ]
-    monkeypatch.setattr(registry, "entry_points", lambda group: points)
+    monkeypatch.setattr(registry, "_points_of_others", lambda path: [("unknown", point) for point in points])
     assert parse_replan_policy("twice-as-often:3") == EveryNth(3)
     assert parse_replan_policy("4") == EvenlySpaced(4)
 

@@ -196,11 +196,12 @@ Out = Annotated[
 
 def planning_options(sections: Iterable[type[SettingSection]] = OF_PLANS) -> list[Parameter]:
     """Returns the options of a plan, with those of the settings in these sections."""
+    every: tuple[type[SettingSection], ...] = (ImaginingSettings, *sections)
     return [
         *(option for option in goal_options() if option.name not in TAKEN),
         *(
             _keyword(name, _option(field, section.panel, camera_name if name == "camera" else None))
-            for section in (ImaginingSettings, *sections)
+            for section in every
             for name, field in section.model_fields.items()
             if name not in _WITHOUT_OPTION
         ),

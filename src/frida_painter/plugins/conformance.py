@@ -142,8 +142,10 @@ def _try(part: registry.Part, examples: Mapping[str, str], seconds: float) -> Pa
 
     def attempt() -> None:
         try:
-            kind, trial = _TRIALS[part.group]
-            trial(part.load(kind), _Given(part.name, examples))
+            kind, trial, words = _TRIALS[part.group]
+            loaded = part.load(kind)
+            _require_words(loaded, *words)
+            trial(loaded, _Given(part.name, examples))
         except FridaError as error:
             faults.append(str(error))
         except BaseException as failure:  # a foreign part may raise anything, also SystemExit
@@ -205,7 +207,6 @@ def _plan() -> Plan:
 
 
 def _try_robot(kind: RobotKind, given: _Given) -> None:
-    _require_words(kind, "form", "title")
     place = FlatbedWorkspace().motion(_CANVAS).workspace
     place = replace(place, home=(0.0, 0.0, place.upper[2]))
     if _sample(kind.form):
@@ -249,14 +250,12 @@ def _open_or_ask(make: Callable[[], Any], given: _Given) -> Any:
 
 
 def _try_camera(kind: CameraKind, given: _Given) -> None:
-    _require_words(kind, "form", "title")
     made = _open_or_ask(lambda: kind.open(given.text(_sample(kind.form))), given)
     for protocol in (Camera, *([LiveCamera] if isinstance(made, LiveCamera) else [])):
         registry.require_like(made, protocol, "Its driver")
 
 
 def _try_easel(kind: EaselKind, given: _Given) -> None:
-    _require_words(kind, "title")
     for name, declared in (("open", lambda kind, order: None), ("load", lambda kind: None)):
         _require(registry.takes(getattr(kind, name), declared), f"Its {name} is no function of what the program gives.")
     _require(not (kind.person and kind.simulated), "It is simulated and painted by a person; it is one of them.")
@@ -282,7 +281,6 @@ def _try_family(kind: FamilyPart, given: _Given) -> None:
 
 
 def _try_goal(kind: GoalKind, given: _Given) -> None:
-    _require_words(kind, "help", "label")
     is_ours = kind.name in registry.OUR_PARTS[registry.OBJECTIVES]
     with TemporaryDirectory() as folder:
         shown: Any = Path(folder) / "picture.png"
@@ -336,7 +334,6 @@ def _try_policy(parse: Any, given: _Given) -> None:
 
 
 def _try_exporter(kind: ExporterKind, given: _Given) -> None:
-    _require_words(kind, "help")
     first = kind.export(_plan())
     _require(len(first) > 0, "It returned an empty file.")
     _require(kind.export(_plan()) == first, "It returned another file for the same plan.")
@@ -344,7 +341,6 @@ def _try_exporter(kind: ExporterKind, given: _Given) -> None:
 
 
 def _try_planner(kind: PlannerKind, given: _Given) -> None:
-    _require_words(kind, "help")
     chosen = PlannerSettings(
         _CANVAS, "fine", strokes=_COUNT, colors=2, rows=_ROWS, effort=0.05, focus="none", sharpness=0.0, layers=1,
         planner=given.name,
@@ -358,7 +354,6 @@ def _try_planner(kind: PlannerKind, given: _Given) -> None:
 
 
 def _try_mixer(kind: MixerKind, given: _Given) -> None:
-    _require_words(kind, "help")
     paints = usual_paints()[:3]
     absorption = torch.stack([paint.absorption for paint in paints])
     scattering = torch.stack([paint.scattering for paint in paints])
@@ -370,7 +365,6 @@ def _try_mixer(kind: MixerKind, given: _Given) -> None:
 
 
 def _try_picture_maker(kind: PictureMakerKind, given: _Given) -> None:
-    _require_words(kind, "help")
     try:
         maker = kind.open(given.text(""))
     except ConfigError:
@@ -391,7 +385,6 @@ def _try_picture_maker(kind: PictureMakerKind, given: _Given) -> None:
 
 
 def _try_turn_policy(policy: TurnPolicy, given: _Given) -> None:
-    _require_words(policy, "title")
     before = torch.full_like(_picture(), 0.95)
     painted = torch.zeros(before.shape[1:], dtype=torch.bool)
     painted[10:14, 12:40] = True
@@ -460,27 +453,26 @@ def _try_library(make: Any, given: _Given) -> None:
 
 
 def _try_studio_arm(kind: StudioArm, given: _Given) -> None:
-    _require_words(kind, "easel")
     made = kind.furnish(_CANVAS, find_brush("fine"), 0)
     _require(isinstance(made, ArmAndTable), f"Its furnish returned a {type(made).__name__}; it returns an ArmAndTable.")
     registry.require_like(made.arm, Arm, "Its arm")
 
 
-_TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None]]] = {
-    registry.ROBOTS: (RobotKind, _try_robot),
-    registry.EASELS: (EaselKind, _try_easel),
-    registry.CAMERAS: (CameraKind, _try_camera),
-    registry.STROKE_MODELS: (BrushModel, _try_brush),
-    registry.STROKE_FAMILIES: (FamilyPart, _try_family),
-    registry.OBJECTIVES: (GoalKind, _try_goal),
-    registry.REPLAN_POLICIES: (object, _try_policy),
-    registry.PLANNERS: (PlannerKind, _try_planner),
-    registry.MIXERS: (MixerKind, _try_mixer),
-    registry.PICTURE_MAKERS: (PictureMakerKind, _try_picture_maker),
-    registry.EXPORTERS: (ExporterKind, _try_exporter),
-    registry.TURN_POLICIES: (TurnPolicy, _try_turn_policy),
-    registry.STUDIO_ARMS: (StudioArm, _try_studio_arm),
-    registry.ENCODERS: (object, _try_encoder),
-    registry.PICTURE_LIBRARIES: (object, _try_library),
+_TRIALS: Mapping[str, tuple[type[Any], Callable[[Any, _Given], None], tuple[str, ...]]] = {
+    registry.ROBOTS: (RobotKind, _try_robot, ("form", "title")),
+    registry.EASELS: (EaselKind, _try_easel, ("title",)),
+    registry.CAMERAS: (CameraKind, _try_camera, ("form", "title")),
+    registry.STROKE_MODELS: (BrushModel, _try_brush, ()),
+    registry.STROKE_FAMILIES: (FamilyPart, _try_family, ()),
+    registry.OBJECTIVES: (GoalKind, _try_goal, ("help", "label")),
+    registry.REPLAN_POLICIES: (object, _try_policy, ()),
+    registry.PLANNERS: (PlannerKind, _try_planner, ("help",)),
+    registry.MIXERS: (MixerKind, _try_mixer, ("help",)),
+    registry.PICTURE_MAKERS: (PictureMakerKind, _try_picture_maker, ("help",)),
+    registry.EXPORTERS: (ExporterKind, _try_exporter, ("help",)),
+    registry.TURN_POLICIES: (TurnPolicy, _try_turn_policy, ("title",)),
+    registry.STUDIO_ARMS: (StudioArm, _try_studio_arm, ("easel",)),
+    registry.ENCODERS: (object, _try_encoder, ()),
+    registry.PICTURE_LIBRARIES: (object, _try_library, ()),
 }
-"""Class and trial of each kind of part, by its group."""
+"""Class and trial of each kind of part, and its attributes that people read in lists, by its group."""

@@ -307,6 +307,7 @@ FORMER = {
     "initialiser": "growth",
     "listener": None,
     "arm_meshes": None,
+    "guide": None,
 }
 """Settings of 0.3 that are fixed now, each with the value that it is fixed at."""
 

@@ -19,13 +19,7 @@ from frida_painter.brush import (
     PARAM2STROKE,
 )
 from frida_painter.errors import ConfigError
-from frida_painter.options import (
-    BrushOption,
-    ListingOption,
-    SeedOption,
-    out_file,
-    whole_number_option,
-)
+from frida_painter.options import BrushOption, SeedOption, listing_option, out_file, whole_number_within
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,7 +40,7 @@ _SHOWN = 8
 def evaluate_model(
     weights: Annotated[
         str,
-        ListingOption(
+        listing_option(
             "--weights",
             metavar="FILE",
             groups=(registry.STROKE_MODELS,),
@@ -140,7 +134,7 @@ def train(
     library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
     brush: Annotated[
         str | None,
-        ListingOption(
+        listing_option(
             "--brush",
             metavar="NAME",
             groups=(registry.STROKE_MODELS,),
