@@ -47,7 +47,7 @@ from frida_painter.session.events import (
     StrokePainted,
     record,
 )  # fmt: skip
-from frida_painter.session.journal import FORMAT, VERSION
+from frida_painter.session.fold import FORMAT, VERSION
 from frida_painter.session.opening import load_record
 from frida_painter_calibration.machine_setup import MachineSetup
 from frida_painter_calibration.teaching.marks import read_marks

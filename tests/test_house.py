@@ -119,8 +119,8 @@ DELETING = {
     "frida_painter_studio/stop.py": 2,  # its own key in the making, and the socket
     "frida_painter_studio/store.py": 1,  # the folder of a painting, on a person's word
     "frida_painter_studio/studio_folder.py": 2,  # a lock, and pictures with random names for the page
-    "frida_painter_studio/telling.py": 2,  # numbered pictures for the page
-    "frida_painter_studio/web_studio.py": 5,  # stop files
+    "frida_painter_studio/web_studio.py": 6,  # stop files, and the pause file of a painting at the terminal
+    "frida_painter_studio/plan_pictures.py": 1,  # numbered previews of a plan
     "frida_painter_studio/worker.py": 1,  # a stop file
     "frida_painter_studio/workers.py": 3,  # stop files
     "weights/cache.py": 5,  # downloads that are named by their hash, and their empty folder; the record

@@ -27,6 +27,7 @@ _LINE = re.compile(rb"([0-9a-f]{16}) (\d{1,9}) (\{.*\})\n")
 _LENGTH = re.compile(rb"[0-9a-f]{16} (\d{1,9}) ")
 _RESERVE = 2**20
 _PATIENCE = 2.0  # seconds; a writer holds the lock for milliseconds
+_A_MOMENT = 0.2  # seconds in which a process that only looks whether somebody writes lets go
 _TALLY = re.compile(rb"((\d{10}) (\d{12}) ([0-9a-f]{16})) ([0-9a-f]{16})\n")
 _TALLY_BYTES = 58
 MAX_BYTES = 2**30
@@ -37,8 +38,7 @@ class LogPolicy:
     """Rules for one kind of log.
 
     what: name in messages
-    owned: one process holds the log while it is open, and each record is flushed at once. Otherwise several
-    processes may add records in turn; records are flushed on request.
+    owned: one process holds the log while it is open. Otherwise several processes may add records in turn.
     precious: a reserve file and a tally file lie beside the log
     forgiving: damaged lines are skipped, and a missing file is made
     """
@@ -73,7 +73,7 @@ class EventLog:
             self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC | make, 0o644)
             with self._lock():
                 content = storage.read_bytes(path, policy.what, MAX_BYTES)
-                read = _forgiving(content, path) if policy.forgiving else _strict(content, path, policy.what)
+                read = _forgiving(content) if policy.forgiving else _strict(content, path, policy.what)
                 self.found, self._last, self._length = read.records, read.last, read.length
                 self._count = len(read.records)
                 self.missing = _missing(path, content, self._count)
@@ -111,13 +111,13 @@ class EventLog:
     def read(cls, path: Path, policy: LogPolicy = JOURNAL) -> list[dict[str, Any]]:
         """Returns the intact records of a file without changing it; others may write it. Raises StorageError."""
         content = storage.read_bytes(path, policy.what, MAX_BYTES)
-        return (_forgiving(content, path) if policy.forgiving else _strict(content, path, policy.what)).records
+        return (_forgiving(content) if policy.forgiving else _strict(content, path, policy.what)).records
 
-    def append(self, record: Mapping[str, Any], *, flush: bool = False) -> None:
+    def append(self, record: Mapping[str, Any], *, flush: bool | None = None) -> None:
         """Adds a record of plain, finite values.
 
-        When this returns, other processes can read the record. If the log is owned, or with `flush`, it and all
-        earlier records are on the disk.
+        When this returns, other processes can read the record. With `flush`, which is the default of an owned log, it
+        and all earlier records are on the disk.
         Raises StorageError if the write fails; the file then keeps its old content.
         """
         try:
@@ -125,12 +125,12 @@ class EventLog:
                 self._catch_up()
                 line = _line(self._last, record)
                 self._write(line)
-                if flush or self.policy.owned:
+                if flush := self.policy.owned if flush is None else flush:
                     self.flush()
                 self._last = line[:_CHECKSUM]
                 self._length += len(line)
                 self._count += 1
-                if self.policy.precious and (flush or self.policy.owned):
+                if self.policy.precious and flush:
                     _write_tally(self.path, self._count, self._length, self._last)
         except OSError as error:
             raise self._failure(error) from error
@@ -172,7 +172,7 @@ class EventLog:
         Who waited once in vain does not wait again, so that a reader who locks a feed does not slow a painting down.
         """
         if self.policy.owned:
-            if not locks.take(self._descriptor):
+            if not locks.take(self._descriptor, _A_MOMENT):
                 raise StorageError(
                     f"{self.path} is being written by another process; wait until that painting has ended, or stop it."
                 )
@@ -313,10 +313,7 @@ class LogReader:
         self._last, self._offset, self._read = _START, 0, 0
 
     def read(self) -> list[dict[str, Any]]:
-        """Returns new records in order. Waits for incomplete lines and skips damaged ones.
-
-        Raises StorageError if the file is of the first version.
-        """
+        """Returns new records in order. Waits for incomplete lines and skips damaged ones."""
         try:
             with storage.open_checked(self._path, FEED.what, MAX_BYTES) as file:
                 stat, again = os.fstat(file.fileno()), 0
@@ -327,7 +324,7 @@ class LogReader:
                 content = file.read()
         except (OSError, StorageError):
             return []
-        found = _forgiving(content, self._path, self._last)
+        found = _forgiving(content, self._last)
         self._last, self._offset = found.last, self._offset + found.length
         self._read += len(found.records)
         return found.records[again:]
@@ -401,24 +398,14 @@ def _may_be_torn(tail: bytes) -> bool:
     return b"\n" not in tail[:-1] and (length is None or len(tail) <= length.end() + int(length[1]) + 1)
 
 
-def _forgiving(content: bytes, path: Path, last: bytes = _START) -> _Parsed:
-    """Returns all intact records. Raises StorageError if the first line is a bare record of the first version."""
+def _forgiving(content: bytes, last: bytes = _START) -> _Parsed:
+    """Returns all intact records."""
     records: list[dict[str, Any]] = []
     length = content.rfind(b"\n") + 1
     lines = content[:length].split(b"\n")[:-1]
-    if last == _START and lines and _is_bare(lines[0]):
-        raise StorageError(storage.refuse_first_version(str(path)))
     for line in lines:
         with contextlib.suppress(ValueError):
             if (record := _record(line + b"\n", last)) is not None:
                 records.append(record)
         last = line[:_CHECKSUM]
     return _Parsed(records, last, length)
-
-
-def _is_bare(line: bytes) -> bool:
-    """Returns True if the line is a JSON object without a checksum."""
-    try:
-        return isinstance(json.loads(line), dict)
-    except (ValueError, RecursionError):
-        return False

@@ -40,6 +40,18 @@ def take(descriptor: int, seconds: float = 0.0, *, shared: bool = False) -> bool
             return True
 
 
+def is_held(path: Path) -> bool:
+    """Returns True if a process holds the lock of this file; it takes the lock from nobody. Raises OSError."""
+    try:
+        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return False
+    try:
+        return not take(file, shared=True)  # shared: two processes that look do not see one another
+    finally:
+        os.close(file)
+
+
 def release(descriptor: int) -> None:
     """Releases the lock of an open file, also for children that inherited it. Raises OSError."""
     fcntl.flock(descriptor, fcntl.LOCK_UN)

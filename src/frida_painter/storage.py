@@ -407,11 +407,3 @@ def count_of(number: int, what: str) -> str:
 def megabytes(size: int) -> str:
     """Returns bytes as "12 MB"."""
     return f"{size / 1e6:.0f} MB"
-
-
-def refuse_first_version(what: str) -> str:
-    """Returns the sentence for a file that only version 0.1 wrote."""
-    return (
-        f"{what} was written by frida-painter 0.1, and this version does not read it; use version 0.2.0 (commit "
-        "1499ab8), which does. Nothing was changed."
-    )

@@ -29,8 +29,7 @@ from frida_painter.errors import CalibrationError, ConfigError, Interrupted, Rob
 from frida_painter.hardware.preset import Layout, Preset, find_preset, presets
 from frida_painter.hardware.robot import Feeler, Robot, Workspace
 from frida_painter.report.sheets import workspace_plan
-from frida_painter.session.events import Remark
-from frida_painter.session.setup_events import MachineTold, SetupStands, SetupStepBegan, SetupWritten
+from frida_painter.session.events import Began, Remark, ResultFound
 from frida_painter.sheet import INK, LINE, SOFT, Sheet, shorten
 from frida_painter_calibration.calibrating import default_record, record_to_renew
 from frida_painter_calibration.procedures.surface import surface_sheet
@@ -41,7 +40,7 @@ _FORMAT, _VERSION = "frida-painter setup", 1
 _DRAFT, _STATE = "draft.toml", "setup.json"
 WORKSPACE, RECORD, SHEET = "workspace.toml", "calibration.json", "setup.png"
 
-SetupEvent = SetupStands | SetupStepBegan | MachineTold | SetupWritten | Remark
+SetupEvent = Began | ResultFound | Remark
 Answering = Callable[[SetupQuestion], Answer]
 
 
@@ -115,7 +114,7 @@ def lead_setup(
             lead(try_lift(bench), answer)
         for step in STEPS:
             if step not in known.state.done:
-                tell(SetupStepBegan(step))
+                tell(Began("step", step))
                 known.lead_step(step, bench, answer, tell)
                 if step == "strokes":
                     minutes = (time.monotonic() - begun) / 60
@@ -220,7 +219,7 @@ def tell_machine(known: "MachineSetup", answer: Answering, tell: Callable[[Setup
     found = examine_robot(known.robot, known.state.layout.workcell().workspace)
     if found is None:
         return
-    tell(MachineTold([asdict(fact) for fact in found.facts]))
+    tell(ResultFound("facts", detail={"facts": [asdict(fact) for fact in found.facts]}))
     refusals = [fact.text for fact in found.facts if fact.weight == "refusal"]
     asked = [fact for fact in found.facts if fact.question and not known.state.done]
     refusals += [fact.text for fact in asked if answer(Confirm(fact.question)) is not True]
@@ -377,7 +376,7 @@ class MachineSetup:
         self.save()
         tell(self.describe())
 
-    def describe(self) -> SetupStands:
+    def describe(self) -> ResultFound:
         """Returns the state for a face: the steps, and the table from above in millimetres of the robot's frame."""
         done, layout = self.state.done, self.state.layout
 
@@ -393,9 +392,10 @@ class MachineSetup:
             "water": flat(layout.paint.water),
             "rag": flat(layout.paint.rag),
         }
-        return SetupStands(self.preset.title, self.robot, layout.easel, steps, table)
+        told = {"title": self.preset.title, "robot": self.robot, "easel": layout.easel, "steps": steps, "table": table}
+        return ResultFound("machine", detail=told)
 
-    def write(self) -> SetupWritten:
+    def write(self) -> ResultFound:
         """Writes workspace, calibration record and their picture. Raises StorageError, CalibrationError."""
         layout, brush = self.state.layout, self.state.brush
         workspace, path, sheet = (self.folder / name for name in (WORKSPACE, RECORD, SHEET))
@@ -415,7 +415,8 @@ class MachineSetup:
             "With a camera, calibrate it first": f"frida-painter calibrate all {robot} --camera opencv:0 {place}",
         }
         told = [{"about": about, "command": command} for about, command in commands.items()]
-        return SetupWritten(str(workspace), str(path), str(sheet), told)
+        written = {"workspace": str(workspace), "record": str(path), "sheet": str(sheet), "commands": told}
+        return ResultFound("setup", detail=written)
 
 
 def _keep(source: str) -> str:

@@ -21,7 +21,7 @@ from pydantic import (
 from frida_painter.easel.dialogue import Answer, EnterAddress, GuideMove, JogMove
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import FEED, EventLog, LogReader
-from frida_painter.session.person_events import PEN_LIMITS
+from frida_painter.session.events import PEN_LIMITS
 from frida_painter_studio.picture_choosing import MakerLabel, PlainWords
 from frida_painter_studio.studio_folder import Identifier, PaintingFolder, PaintingRequest
 

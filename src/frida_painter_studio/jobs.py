@@ -9,8 +9,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
-from frida_painter.session import events, making_events, setup_events
-from frida_painter.session.events import Written
+from frida_painter.session import events
+from frida_painter.session.events import Event
 from frida_painter_studio.painting_state import Truth
 from frida_painter_studio.picture_choosing import MAX_MAKINGS, MakingOrder
 from frida_painter_studio.studio_folder import Brush, KeptRequest, Side
@@ -115,16 +115,16 @@ class JobState:
     ended: False from its beginning until it has said how it ended.
     version: number that grows with every event.
 
-    name: of its folder, its routes and its topic, and the worker's name for it.
-    request: form of its request. `started` and `ends`: its own first and last events.
+    name: of its folder, its routes, its topic and its first event, and the worker's name for it.
+    request: form of its request.
+    ends: names of the results that end it.
     process, remedy: words about a process that vanished.
     moves: "always" if it moves a machine at every easel, "easel" if it moves the studio's, "never".
     """
 
     name: ClassVar[str]
     request: ClassVar[type[KeptRequest]]
-    started: ClassVar[type[Written]]
-    ends: ClassVar[type[Written] | tuple[type[Written], ...]] = ()
+    ends: ClassVar[tuple[str, ...]] = ()
     process: ClassVar[str]
     remedy: ClassVar[str]
     moves: ClassVar[Literal["always", "easel", "never"]] = "never"
@@ -137,15 +137,15 @@ class JobState:
     version: int = 0
 
     @classmethod
-    def begin(cls, request: Any) -> tuple[str, Written]:
+    def begin(cls, request: Any) -> tuple[str, Event]:
         """Returns the begin of a job in words for the studio's record, and its first event."""
         raise NotImplementedError
 
-    def hear(self, event: Written, at: datetime | None = None) -> None:
+    def hear(self, event: Event, at: datetime | None = None) -> None:
         """Updates the state by an event; other events change nothing."""
         self.version += 1
         match event:
-            case events.ProcedureProgress(words):
+            case events.Advanced(words):
                 self.progress = words
             case events.Asked(question):
                 self.question = question
@@ -155,9 +155,10 @@ class JobState:
                 self.trouble = reason
             case events.Stopped():
                 self.stopped = True
-            case _ if isinstance(event, self.started):
+            case events.Began(what) if what == self.name:
                 self.progress, self.trouble, self.stopped, self.ended, self.question = "", "", False, False, None
-        if isinstance(event, (events.Failed, events.Stopped, self.ends)):
+        found = isinstance(event, events.ResultFound) and event.what in self.ends
+        if found or isinstance(event, events.Failed | events.Stopped | events.PicturesMade):
             self.ended, self.question = True, None
         self._hear(event)
 
@@ -174,7 +175,7 @@ class JobState:
             **self._details(truth.working),
         }
 
-    def _hear(self, event: Written) -> None:
+    def _hear(self, event: Event) -> None:
         """Updates the details of this kind of job."""
 
     def _details(self, working: bool) -> dict[str, Any]:
@@ -206,7 +207,7 @@ class ProcedureState:
 class CalibrationJob(JobState):
     """State of all procedures of an easel."""
 
-    name, request, started = "calibration", CalibrationRequest, events.CalibrationStarted
+    name, request = "calibration", CalibrationRequest
     process, remedy, moves = "calibrated", "Run the procedure again.", "easel"
 
     easel: str = ""
@@ -215,34 +216,29 @@ class CalibrationJob(JobState):
     )
 
     @classmethod
-    def begin(cls, request: CalibrationRequest) -> tuple[str, Written]:
+    def begin(cls, request: CalibrationRequest) -> tuple[str, Event]:
         """Returns the begin in words, and the first event."""
-        return f"calibrate {', '.join(request.what)}", events.CalibrationStarted(list(request.what))
+        return f"calibrate {', '.join(request.what)}", events.Began(cls.name, detail={"what": list(request.what)})
 
-    def _hear(self, event: Written) -> None:
+    def _hear(self, event: Event) -> None:
         named = getattr(event, "name", "")
         each = self.procedures.get(named, ProcedureState(named))  # another version may know more procedures
         match event:
-            case events.CalibrationStarted(what):
+            case events.Began(self.name, detail=detail):
                 for known in self.procedures.values():
-                    known.status = "waiting" if known.name in what else ""
-            case events.CalibrationStatus(easel, procedures):
-                self.easel = easel
-                for stands in procedures:
-                    known = self.procedures.get(str(stands.get("name")), each)
-                    known.dated, known.fault = stands.get("dated"), stands.get("fault", "")
-                    known.old = stands.get("old", False)
-            case events.ProcedureBegan() if named in self.procedures:
+                    known.status = "waiting" if known.name in detail.get("what", ()) else ""
+            case events.Began("procedure") if named in self.procedures:
                 each.status, self.progress = "busy", ""
-            case events.ProcedureFound(_, sentence, picture):
-                each.sentence, each.picture, each.status = sentence, picture, "done"
+            case events.ResultFound("status", detail=stands):
+                each.dated, each.fault = stands.get("dated"), stands.get("fault", "")
+                self.easel, each.old = stands.get("easel", ""), stands.get("old", False)
+            case events.ResultFound("procedure", detail=found):
+                each.sentence, each.picture, each.status = found.get("sentence", ""), found.get("picture"), "done"
             case events.Failed() | events.Stopped():
-                self._end("failed" if isinstance(event, events.Failed) else "stopped")
+                how = "failed" if isinstance(event, events.Failed) else "stopped"
+                for known in self.procedures.values():
+                    known.status = {"busy": how, "waiting": ""}.get(known.status, known.status)
         self.ended = not any(known.status in ("waiting", "busy") for known in self.procedures.values())
-
-    def _end(self, how: str) -> None:
-        for each in self.procedures.values():
-            each.status = {"busy": how, "waiting": ""}.get(each.status, each.status)
 
     def _details(self, working: bool) -> dict[str, Any]:
         ended = {} if working else {"busy": "failed", "waiting": ""}
@@ -260,16 +256,18 @@ _MAX_REMARKS = 6
 class Setup(JobState):
     """State of the setup of a machine.
 
-    stands: machine, steps and table, in the form of `SetupStands`; None before a machine was chosen.
+    stands: "title" and "robot" of the machine, its "easel", its "steps" ("name", "text" and "done" of each, in order),
+    and its "table" ("lower", "upper", "canvas" (four corners), "wells", "water" and "rag", in millimetres of the
+    robot's frame); None before a machine was chosen.
     step: name of the current step, "" before the first one.
-    facts: what the controller told, in the form of `MachineTold`.
+    facts: what the controller told: "text" and "weight" of each ("fact", "warning" or "refusal").
     remarks: the newest sentences of the setup.
-    written: files and commands of the finished setup, in the form of `SetupWritten`.
+    written: files of the finished setup ("workspace", "record", and "sheet", a picture of both), and "commands" that
+    use them ("about" and "command" of each).
     left: sentence about a setup that was left.
     """
 
-    name, request, started = "setup", SetupRequest, setup_events.SetupStarted
-    ends = (setup_events.SetupWritten, setup_events.SetupLeft)
+    name, request, ends = "setup", SetupRequest, ("setup", "left")
     process, remedy, moves = "set up the machine", "Continue the setup.", "always"
 
     stands: dict[str, Any] | None = None
@@ -280,26 +278,26 @@ class Setup(JobState):
     left: str = ""
 
     @classmethod
-    def begin(cls, request: SetupRequest) -> tuple[str, Written]:
+    def begin(cls, request: SetupRequest) -> tuple[str, Event]:
         """Returns the begin in words, and the first event."""
-        return f"set up {request.easel or 'a machine'}", setup_events.SetupStarted()
+        return f"set up {request.easel or 'a machine'}", events.Began(cls.name)
 
-    def _hear(self, event: Written) -> None:
+    def _hear(self, event: Event) -> None:
         match event:
-            case setup_events.SetupStarted():
+            case events.Began(self.name):
                 self.step, self.facts, self.remarks, self.written, self.left = "", [], [], None, ""
-            case setup_events.SetupStands():
-                self.stands = asdict(event)
-            case setup_events.SetupStepBegan(name):
+            case events.Began("step", name):
                 self.step, self.remarks = name, []
-            case setup_events.MachineTold(facts):
-                self.facts = facts
+            case events.ResultFound("machine", detail=stands):
+                self.stands = stands
+            case events.ResultFound("facts", detail=told):
+                self.facts = told.get("facts", [])
             case events.Remark(sentence):
                 self.remarks = [*self.remarks, sentence][-_MAX_REMARKS:]
-            case setup_events.SetupWritten():
-                self.written = asdict(event)
-            case setup_events.SetupLeft(sentence):
-                self.left = sentence
+            case events.ResultFound("setup", detail=written):
+                self.written = written
+            case events.ResultFound("left", name):
+                self.left = name
 
     def _details(self, working: bool) -> dict[str, Any]:
         told = {name: getattr(self, name) for name in ("stands", "facts", "remarks", "written", "left")}
@@ -314,23 +312,23 @@ class Teaching(JobState):
     taught: families that were learned here, by name: sentence, brush and picture of each.
     """
 
-    name, request, started, ends = "teaching", TeachingRequest, events.TeachingStarted, events.FamilyTaught
+    name, request, ends = "teaching", TeachingRequest, ("family",)
     process, remedy = "learned the stroke", "Teach it again."
 
     family: str = ""
     taught: dict[str, dict[str, str]] = field(default_factory=dict)
 
     @classmethod
-    def begin(cls, request: TeachingRequest) -> tuple[str, Written]:
+    def begin(cls, request: TeachingRequest) -> tuple[str, Event]:
         """Returns the begin in words, and the first event."""
-        return f"teach {request.name}, {len(request.marks)} marks", events.TeachingStarted(request.name)
+        return f"teach {request.name}, {len(request.marks)} marks", events.Began(cls.name, request.name)
 
-    def _hear(self, event: Written) -> None:
+    def _hear(self, event: Event) -> None:
         match event:
-            case events.TeachingStarted(name):
+            case events.Began(self.name, name):
                 self.family = name
-            case events.FamilyTaught(name, brush, sentence, picture):
-                self.taught[name] = {"brush": brush, "sentence": sentence, "picture": picture}
+            case events.ResultFound("family", name, detail=learned):
+                self.taught[name] = learned
 
     def _details(self, working: bool) -> dict[str, Any]:
         return {"name": self.family, "taught": self.taught}
@@ -345,34 +343,31 @@ class Imagining(JobState):
     """
 
     name, request = "imagining", MakingOrder
-    started, ends = making_events.MakingStarted, making_events.PicturesMade
     process, remedy = "made pictures", "Make them again."
 
     words: str = ""
     maker: str = ""
-    makings: list[making_events.PicturesMade] = field(default_factory=list)
+    makings: list[events.PicturesMade] = field(default_factory=list)
 
     @classmethod
-    def begin(cls, request: MakingOrder) -> tuple[str, Written]:
+    def begin(cls, request: MakingOrder) -> tuple[str, Event]:
         """Returns the begin in words, and the first event."""
-        said = f"make pictures by {request.label}, seed {request.seed}"
-        return said, making_events.MakingStarted(request.words, request.label)
+        began = events.Began(cls.name, detail={"words": request.words, "maker": request.label})
+        return f"make pictures by {request.label}, seed {request.seed}", began
 
-    def _hear(self, event: Written) -> None:
+    def _hear(self, event: Event) -> None:
         match event:
-            case making_events.MakingStarted(words, maker):
-                self.words, self.maker = words, maker
-            case making_events.PicturesMade():
+            case events.Began(self.name, detail=order):
+                self.words, self.maker = str(order.get("words", "")), str(order.get("maker", ""))
+            case events.PicturesMade():
                 self.makings = [*self.makings, event][-MAX_MAKINGS:]
 
     def _details(self, working: bool) -> dict[str, Any]:
-        return {"words": self.words, "maker": self.maker, "makings": [_show(each) for each in self.makings]}
-
-
-def _show(made: making_events.PicturesMade) -> dict[str, Any]:
-    """Returns a making for the page, without the files of this machine."""
-    pictures = [{"picture": one["picture"], "seed": one["seed"]} for one in made.pictures]
-    return {**asdict(made), "pictures": pictures}
+        makings = [
+            {**asdict(made), "pictures": [{name: one[name] for name in ("picture", "seed")} for one in made.pictures]}
+            for made in self.makings
+        ]  # without the files of this machine
+        return {"words": self.words, "maker": self.maker, "makings": makings}
 
 
 JOBS: dict[str, type[JobState]] = {job.name: job for job in (CalibrationJob, Setup, Teaching, Imagining)}

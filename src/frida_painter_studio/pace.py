@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from datetime import datetime
+from statistics import median
 
 from frida_painter.session import events
-from frida_painter.session.events import Written
-from frida_painter.session.time_left import Pace
+from frida_painter.session.events import Event
 
 LAST = 6
 """Number of paintings in the measurement."""
@@ -14,11 +14,10 @@ _LOADING = 4.0  # seconds before a plan begins to grow
 _OPENING = 15.0  # seconds before the first stroke
 _FEWEST = 10  # fewest strokes for a measurement
 _REPLANNING = 0.25  # time of a replan per stroke, as a share of the planning time per stroke
-_PAUSES = (
-    events.Paused, events.WentOn, events.Asked, events.Answered, events.Stopped, events.Failed, events.Rests,
-    events.TakenUp, events.PaintingStarted,
+_BREAKS = (
+    events.SessionResumed, events.Paused, events.WentOn, events.Stopped, events.Failed, events.PaintsWanted,
+    events.Looked, events.Planned, events.Finishing,
 )  # fmt: skip
-_BREAKS = (*_PAUSES, events.Mixing, events.LookShown, events.RestReplanned, events.Finishing)
 
 
 @dataclass
@@ -28,48 +27,58 @@ class WorkTimes:
     Pauses, questions and the time between a stop and its resuming do not count.
 
     planning: of a planned stroke at effort 1, of each plan.
-    opening: from the start to the first stroke, if there was no pause or question before it.
     strokes: between two strokes with no other event between them.
     replanning: of a replanned stroke at effort 1, of each look.
     """
 
     planning: list[float] = field(default_factory=list)
-    opening: list[float] = field(default_factory=list)
     strokes: list[float] = field(default_factory=list)
     replanning: list[float] = field(default_factory=list)
     _efforts: dict[int, float] = field(default_factory=dict)  # by plan
     _effort: float = 1.0
     _started: datetime | None = None
+    _first: datetime | None = None
+    _waits: list[datetime] = field(default_factory=list)  # of pauses and questions
     _stroke: datetime | None = None
     _look: datetime | None = None
 
-    def hear(self, event: Written, at: datetime) -> None:
-        """Measures what an event tells."""
+    @property
+    def opening(self) -> list[float]:
+        """Seconds from the start to the first stroke, if there was no pause or question in between."""
+        started, first = self._started, self._first
+        if started is None or first is None or any(started <= wait <= first for wait in self._waits):
+            return []
+        return [(first - started).total_seconds()]
+
+    def hear(self, event: Event, at: datetime) -> None:
+        """Measures what an event of the feed or of the journal tells."""
         if isinstance(event, _BREAKS):
             self._stroke = None
-        if isinstance(event, _PAUSES):
-            self._started = self._look = None
         match event:
-            case events.PlanRequested(plan, wish):
+            case events.Began("plan", plan=plan, detail=wish):
                 effort = wish.get("effort")
                 self._effort = effort if isinstance(effort, float | int) and effort > 0 else 1.0
                 self._efforts[plan] = self._effort
-            case events.PlanMade() if event.strokes >= _FEWEST:
-                work = event.strokes * self._efforts.get(event.plan, 1.0)
-                self.planning.append(max(0.0, event.seconds - _LOADING) / work)
-            case events.PaintingStarted():
+            case events.ResultFound("plan", plan=plan, detail={"strokes": int(strokes), "seconds": float(seconds)}):
+                if strokes >= _FEWEST:
+                    work = strokes * self._efforts.get(plan, 1.0)
+                    self.planning.append(max(0.0, seconds - _LOADING) / work)
+            case events.Began("paint"):
                 self._started = at
+            case events.Asked() | events.Paused():
+                self._waits.append(at)
+                self._look = None
             case events.StrokePainted() | events.StrokeLeftOut():
                 if self._stroke is not None:
                     self.strokes.append((at - self._stroke).total_seconds())
-                if self._started is not None and not self.opening and isinstance(event, events.StrokePainted):
-                    self.opening.append((at - self._started).total_seconds())
+                self._first = self._first or at
                 self._stroke = at
-            case events.LookShown():
+            case events.SessionResumed():
+                self._look = None
+            case events.Looked():
                 self._look = at
-            case events.RestReplanned() if self._look is not None and event.strokes >= _FEWEST:
-                seconds = (at - self._look).total_seconds()
-                self.replanning.append(seconds / (event.strokes * self._effort))
+            case events.Planned() if self._look is not None and event.done and event.strokes >= _FEWEST:
+                self.replanning.append((at - self._look).total_seconds() / (event.strokes * self._effort))
 
 
 def find_pace(last: Iterable[WorkTimes], *, real_time: bool) -> dict[str, float | bool]:
@@ -95,4 +104,5 @@ def find_pace(last: Iterable[WorkTimes], *, real_time: bool) -> dict[str, float 
 
 
 def _median(measured: Iterable[float], guess: float) -> float:
-    return Pace.of_earlier_work(measured, guess).seconds
+    known = list(measured)
+    return median(known) if known else guess

@@ -33,16 +33,16 @@ from frida_painter.palette import to_hex
 from frida_painter.plan import Plan
 from frida_painter.planning.problem import region_of
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session import events, making_events, person_events
-from frida_painter.session.events import Event, PauseCause
+from frida_painter.session import events
+from frida_painter.session.events import Event, Notify, PauseCause
 from frida_painter.session.loop import PaintingSession
 from frida_painter_studio import commands
 from frida_painter_studio.commands import Command, Inbox, accept_reply, command_of, to_plain
 from frida_painter_studio.picture_choosing import MakingOrder
 from frida_painter_studio.side_jobs import show_pictures, without_folders
 from frida_painter_studio.stop import StopWatch
-from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
-from frida_painter_together.policies import Keep, TurnTaken, answer_turn, find_turn_policy
+from frida_painter_studio.studio_folder import Feed, PaintingFolder
+from frida_painter_together.policies import TurnTaken, answer_turn, find_turn_policy
 from frida_painter_together.proposing import (
     forbid,
     keep_region,
@@ -150,23 +150,18 @@ def describe_question(question: SetupQuestion) -> dict[str, Any]:
     return {"kind": _KINDS[type(question)], **told}
 
 
-_KEEP: dict[str, Keep] = {"welcome": "welcome", "protect": "protect"}
 _YOURS_STAYS = (
     "What you painted stays as it is in all of them. If it may be painted over, press Remove the protection, then ask "
     "again."
 )
-_REASONS: dict[PauseCause, str] = {
-    "button": "Somebody pressed the pause button of the machine: the brush is clean, the arm aside. Press it again, or "
-    "let it go on here.",
-    "turn": "It is your turn. Paint what you like, let it look, then let it go on.",
-    "person": "It has paused: the brush is clean, the arm aside. You may paint on the canvas, then let it look.",
-}
+_MAX_WAITING = 200  # commands that wait to be done
 
 
 @dataclass
 class PauseController:
     """Handles the pauses of a session.
 
+    report: shows an event in the journal.
     began: start of the painter, seconds since 1970.
     opened: returns the session, None before it is open.
     look_at: takes the picture in a file for a look, on an easel without a camera.
@@ -176,14 +171,13 @@ class PauseController:
     """
 
     folder: PaintingFolder
-    feed: Feed
+    report: Notify
     stop: StopWatch
     began: float
     opened: Callable[[], PaintingSession | None] = lambda: None
     look_at: Callable[[Path], None] = lambda picture: None
     ask: Callable[[SetupQuestion], Answer] = lambda question: False
-    _commands: deque[Command] = field(default_factory=deque, init=False)
-    _game: commands.TakeTurns = field(default_factory=lambda: commands.TakeTurns(0), init=False)
+    _commands: deque[Command] = field(default_factory=lambda: deque(maxlen=_MAX_WAITING), init=False)
     _since_time: float = field(default=0.0, init=False)  # of the robot's current turn, monotonic seconds
     _answer: str = field(default="", init=False)  # sentence about the answer to the person's turn
     _conferring: bool = field(default=False, init=False)
@@ -191,9 +185,6 @@ class PauseController:
     _since: int = field(default=0, init=False)  # strokes of the robot's current turn
 
     def __post_init__(self) -> None:
-        for told in FeedReader(self.folder.feed).read():
-            if isinstance(told, events.Turns):  # agreed on before the painting broke off
-                self._game = commands.TakeTurns(told.strokes, told.minutes, told.policy, _KEEP[told.keep])
         inbox = Inbox(self.folder, self.began)
 
         def listen() -> None:
@@ -204,7 +195,7 @@ class PauseController:
 
         threading.Thread(target=listen, daemon=True, name="commands").start()
 
-    def owe(self, request: dict[str, Any], proposed: making_events.PicturesMade | None) -> None:
+    def owe(self, request: dict[str, Any], proposed: events.PicturesMade | None) -> None:
         """Takes over what a person asked for before the painting broke off: it is done before the next stroke.
 
         If pictures were proposed, or are to be, the painting then waits until the person chooses one or goes on.
@@ -214,8 +205,6 @@ class PauseController:
             self._commands.append(command)
             if command != commands.FINISH and not isinstance(command, commands.Propose):
                 self._commands.append(commands.GO_ON)
-        if proposed is not None:
-            self.feed.tell(proposed)
         self._owes = command is not None or proposed is not None
 
     def hear(self, event: Event) -> None:
@@ -241,21 +230,27 @@ class PauseController:
                 case commands.TakeTurns() as turns:
                     self._take_turns(turns)
                 case commands.PaintStroke():  # the page refuses it too, but the painting may have gone on meanwhile
-                    self.feed.tell(events.Remark(commands.ROBOT_MOVES))
+                    self._remark(commands.ROBOT_MOVES)
                 case commands.GO_ON:
                     pass  # it went on already
                 case _:
-                    self.feed.tell(events.Remark(commands.IN_A_PAUSE))
+                    self._remark(commands.IN_A_PAUSE)
         return "turn" if self._is_turn else None
+
+    @property
+    def _game(self) -> events.Turns:
+        """Turns that were agreed on."""
+        return self._session.journal.state.turns
 
     @property
     def _is_turn(self) -> bool:
         """True if the robot has painted the strokes of its turn, or as long as its turn lasts."""
-        session, game = self.opened(), self._game
-        if session is not None and session.in_turns:
-            return False  # every answer ends with the person's turn
+        session = self.opened()
+        if session is None or session.in_turns:
+            return False  # without a goal, every answer ends with the person's turn
+        game = self._game
         over = 0 < game.minutes <= (time.monotonic() - self._since_time) / 60 and self._since > 0
-        return over or 0 < game.count <= self._since
+        return over or 0 < game.strokes <= self._since
 
     def go_on(self, paused: events.Paused) -> bool:
         """Performs commands until the person lets the painting go on; returns False if the person stops it."""
@@ -267,13 +262,13 @@ class PauseController:
 
     def _confer(self, paused: events.Paused) -> bool:
         session = self.opened()
-        if session is not None and paused.cause != "trouble":
-            session.person.await_paint()
-        in_turns = session is not None and session.in_turns and paused.cause == "turn"
-        reason = None if in_turns else _REASONS.get(paused.cause)
-        told = replace(paused, reason=reason or self._without_paths(paused.reason))
-        self._tell_brushes()
-        self.feed.tell(told)
+        if session is not None:
+            if paused.cause != "trouble":
+                session.person.await_paint()
+            if session.person.may_paint and session.person.wells is not None:
+                wells = [to_hex(color) for color in session.person.wells.color]
+                brushes = [asdict(brush) for brush in session.hand.easel.person_brushes]
+                self.report(events.PersonMayPaint(brushes, wells))
         while not self.stop.asked:
             if not self._commands:
                 session = self.opened()
@@ -282,55 +277,37 @@ class PauseController:
                     continue
                 self._commands.append(commands.GO_ON)
             command = self._commands.popleft()
-            if isinstance(command, commands.PaintStroke):
-                self._paint(command, told)
-                continue
             if command in (commands.GO_ON, commands.FINISH):
                 if command == commands.FINISH:
                     self._note(command)
                 self._end_turn(command)
                 self._since, self._since_time = 0, time.monotonic()
-                self.feed.tell(events.WentOn())
+                self.report(events.WentOn())
                 self._tell_answer()
                 return True
             try:
-                if command != commands.END_MAKING and not isinstance(command, commands.LeaveOut | commands.TakeTurns):
+                quick = isinstance(command, commands.LeaveOut | commands.TakeTurns | commands.PaintStroke)
+                if command != commands.END_MAKING and not quick:
                     self._note(command)
-                    self.feed.tell(events.Considering())
                 self._do(command)
             except FridaError as trouble:
-                self.feed.tell(events.Remark(self._without_paths(str(trouble))))
+                self._remark(str(trouble))
             with suppress(StorageError):
                 self._note(None)
-            self.feed.tell(told)
         return False
+
+    def _remark(self, sentence: str) -> None:
+        self.report(events.Remark(sentence))
 
     def _note(self, command: Command | None) -> None:
         """Notes in the journal that a request is being done, or that nothing is. Raises StorageError."""
-        self._session.journal.tell(person_events.RequestTaken({} if command is None else to_plain(command)))
+        self._session.note(events.RequestTaken({} if command is None else to_plain(command)))
 
     def _tell_answer(self) -> None:
         """Says how the robot answers the person, once."""
         if self._answer:
-            self.feed.tell(events.Remark(self._answer))
+            self._remark(self._answer)
         self._answer = ""
-
-    def _tell_brushes(self) -> None:
-        """Reports brushes and paints with which a person can paint now, if this easel has any."""
-        session = self.opened()
-        if session is not None and session.person.may_paint and session.person.wells is not None:
-            wells = [to_hex(color) for color in session.person.wells.color]
-            self.feed.tell(events.PersonMayPaint([asdict(brush) for brush in session.hand.easel.person_brushes], wells))
-
-    def _paint(self, command: commands.PaintStroke, told: events.Paused) -> None:
-        """Paints a person's stroke; a refusal is told, and the pause goes on."""
-        looks = not self._session.person.touched
-        try:
-            self._session.person.paint(PenStroke(command.brush, command.paint, command.points))
-        except FridaError as trouble:
-            self.feed.tell(events.Remark(self._without_paths(str(trouble))))
-        if looks:
-            self.feed.tell(told)
 
     def _end_turn(self, command: Command) -> None:
         """Answers a person who painted, or finishes a painting without a goal."""
@@ -345,7 +322,7 @@ class PauseController:
             else:
                 self._answer = "This painting has a goal, and goes on towards it; to end it now, press Stop."
         except FridaError as trouble:
-            self._answer = self._without_paths(str(trouble))
+            self._answer = str(trouble)
 
     def _answer_person(self, session: PaintingSession) -> None:
         """Answers a person by the turn policy that they chose.
@@ -355,15 +332,14 @@ class PauseController:
         """
         person = session.person
         found = None if person.touched else person.find_paint()
-        if not person.touched and found is None:
-            return
-        self.feed.tell(events.Considering())
-        if person.touched or session.in_turns or self._game != commands.TakeTurns(0):
+        if person.touched or (found is not None and (session.in_turns or self._game != events.Turns(0))):
             person.answer(self.adapt)
         elif found is not None:
             self._welcome_or_protect(session, found)
         if found is not None:
-            self._tell_found(found)
+            shown = self.folder.make_live_path("found", ".jpg")
+            images.save(found.outlined, shown)
+            self.report(events.PersonPaintShown(shown.name, round(found.share, 5)))
 
     def _welcome_or_protect(self, session: PaintingSession, found: FoundPaint) -> None:
         """Asks what becomes of found paint if it matters, and replans the rest for the canvas with it."""
@@ -377,15 +353,9 @@ class PauseController:
             self._answer = "The robot has seen what you painted, and goes on from it."
         session.look_again()
 
-    def _tell_found(self, found: FoundPaint) -> None:
-        """Shows the canvas with a line around what a person painted."""
-        shown = self.folder.make_live_path("found", ".jpg")
-        images.save(found.outlined, shown)
-        self.feed.tell(person_events.PersonPaintShown(shown.name, round(found.share, 5)))
-
     def _forbid(self, forbidden: NDArray[np.bool_]) -> None:
-        """Forbids strokes on a part of the canvas [H, W], and notes and reports that; nothing is replanned."""
-        self.feed.tell(forbid(self._session, self.folder.painting, forbidden, self._show_region))
+        """Forbids strokes on a part of the canvas [H, W], and notes that; nothing is replanned."""
+        forbid(self._session, self.folder.painting, forbidden, self._show_region)
 
     def adapt_alone(self, turn: TurnTaken) -> Plan | None:
         """Answers a turn as `adapt`, outside of a pause, and says how."""
@@ -396,14 +366,14 @@ class PauseController:
     def adapt(self, turn: TurnTaken) -> Plan | None:
         """Answers a turn by the policy that was agreed on; tells why if there is no such answer, and returns None."""
         session, game = self._session, self._game
-        count = min(turn.room, game.count or turn.count)
+        count = min(turn.room, game.strokes or turn.count)
         policy, region = find_turn_policy(game.policy), session.planner.region
         protected = None if region is None else resize_mask(region.forbidden.numpy(), turn.painted.shape)
         try:
             size = session.planner.size.height
             answer = answer_turn(policy, game.keep, replace(turn, count=count), size, protected)
         except FridaError as trouble:
-            self._answer = self._without_paths(str(trouble))
+            self._answer = str(trouble)
             return None
         if answer.forbidden is not None:
             self._forbid(answer.forbidden)
@@ -411,15 +381,13 @@ class PauseController:
             self._answer = answer.sentence
         return answer.rest
 
-    def _without_paths(self, sentence: str) -> str:
-        """Returns a sentence without the folder's path, for everybody at the page."""
-        return sentence.replace(str(self.folder.path), "its folder")
-
     def _do(self, command: Command) -> None:
         session = self._session
         match command:
             case commands.LOOK:
                 session.look_again()
+            case commands.PaintStroke(brush, paint, points):
+                session.person.paint(PenStroke(brush, paint, points))
             case commands.GivePicture(picture):
                 self.look_at(self.folder.pictures / f"{picture}.png")
             case commands.LeaveOut(count):
@@ -429,14 +397,16 @@ class PauseController:
                 drawing = images.load(self.folder.pictures / f"{picture}.png")
                 session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
                 kept = keep_region(self.folder.painting, drawing)
-                self._tell_region(person_events.RegionProtected(kept, only, self._show_region(drawing)))
+                session.note(events.RegionProtected(kept, only, self._show_region(drawing)))
+                session.look_again()
             case commands.FREE:
                 session.person.release()
                 session.planner = session.planner.keeping_clear(None)
-                self._tell_region(person_events.RegionProtected(None))
+                session.note(events.RegionProtected(None))
+                session.look_again()
             case commands.ChangeGoal(request):
                 wanted = RunSpec.of(**request.goals(self.folder.pictures))
-                pursue(session, self.folder.painting, wanted, request.model_dump(mode="json"), self.feed.tell)
+                pursue(session, self.folder.painting, wanted, request.model_dump(mode="json"))
             case commands.Propose():
                 self._propose(command)
             case commands.TakeTurns():
@@ -449,13 +419,6 @@ class PauseController:
         session = self.opened()
         assert session is not None, "there is no pause before the session is open"
         return session
-
-    def _tell_region(self, region: person_events.RegionProtected) -> None:
-        """Notes and reports a changed region, and replans the rest around it."""
-        session = self._session
-        session.note(region)
-        self.feed.tell(region)
-        session.look_again()
 
     def _show_region(self, drawing: Tensor) -> str:
         """Writes the drawing of a region for the page, and returns its name."""
@@ -471,22 +434,16 @@ class PauseController:
         own = session.person.find_own_paint()
         if own is not None:
             self._forbid(union_of(session.planner.region, own))
-        self.feed.tell(making_events.MakingStarted(command.words, order.label))
         making = propose(
             session, self.folder.painting, command.words, order.maker, minutes=order.minutes,
-            stop_asked=self._must_end_making, tell=lambda sentence: self.feed.tell(events.ProcedureProgress(sentence)),
+            stop_asked=lambda: self.stop.asked or commands.END_MAKING in list(self._commands),
+            tell=lambda sentence: self.report(events.Advanced(sentence)),
         )  # fmt: skip
         shown = show_pictures(making, self.folder.live, secrets.token_hex(12))
-        made = record_making(without_folders(making), order.label, self.folder.painting, shown)
-        session.note(made)
-        self.feed.tell(made)
+        session.note(record_making(without_folders(making), order.label, self.folder.painting, shown))
         if own is not None:
-            self.feed.tell(events.Remark(_YOURS_STAYS))
-
-    def _must_end_making(self) -> bool:
-        """Returns True if the person ends the making of pictures, or all work; other commands wait."""
-        return self.stop.asked or commands.END_MAKING in list(self._commands)
+            self._remark(_YOURS_STAYS)
 
     def _take_turns(self, command: commands.TakeTurns) -> None:
-        self._game, self._since, self._since_time = command, 0, time.monotonic()
-        self.feed.tell(events.Turns(command.count, command.minutes, command.policy, command.keep))
+        self._since, self._since_time = 0, time.monotonic()
+        self._session.note(events.Turns(command.count, command.minutes, command.policy, command.keep))

@@ -1,33 +1,39 @@
-"""State of a painting from its first request to the last stroke, and its one status.
+"""State of a painting for the page: plans and jobs from its feed, and the painting itself from its journal.
 
-The state is computed from the painting's events alone. Its status also says what the events cannot know: if a process
-is at work on the painting, and if its files are there. Every view of the studio shows this status.
+The status is one function of both and of two facts that they cannot know: a process works on the painting, and its
+files are there. Every view of the studio shows this status.
 """
 
 import shutil
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any, Literal, Self, cast
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import JOURNAL
-from frida_painter.session import events, making_events, person_events
-from frida_painter.session.events import PauseCause, Written
+from frida_painter.errors import ConfigError
+from frida_painter.session import events
+from frida_painter.session.events import Event
+from frida_painter.session.fold import ENDS, Doing, LookState, PaintingState
 from frida_painter_studio.pace import WorkTimes
 from frida_painter_studio.studio_folder import PaintingFolder, working
 
-# Status of a painting: one function of its state and of the facts.
-
 _VANISHED = "The {}'s process ended in the middle of its work, without saying why."
 _LITTLE_ROOM = 64 * 2**20  # bytes
+_MAX_LOOKS = 200
+_MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "mixing", "remarks", "seconds")
+_OF_TERMINAL = ("title", "together", "strokes", "colors", "replans", "ground", "on_canvas", "minutes", "seed")
+_REPLANNED = ("prefix", "frames", "strokes", "palette")
 
 
 @dataclass(frozen=True)
 class Truth:
     """Facts about a painting that its events cannot tell.
 
-    working: True if a process holds the painting's lock. Only this process can move the robot.
+    working: True if a process works on the painting. Only this process can move the robot.
     here: True if the painting's folder exists, with its events.
-    begun: True if the painting has a journal, from which it can be resumed.
+    begun: True if the studio can resume the painting from its journal.
     room: True if the disk has room.
     """
 
@@ -44,8 +50,9 @@ class Truth:
         except OSError:
             room = True
         # A painter may write a last picture after its folder was deleted, but no feed.
-        here = folder.path.is_dir() and (folder.feed.is_file() or not folder.painting.exists())
-        return cls(working(folder), here, (folder.painting / JOURNAL).is_file(), room)
+        there = folder.feed.is_file() or folder.is_of_terminal or not folder.painting.exists()
+        begun = not folder.is_of_terminal and (folder.painting / JOURNAL).is_file()
+        return cls(working(folder), folder.path.is_dir() and there, begun, room)
 
     @property
     def suspicion(self) -> str:
@@ -86,56 +93,6 @@ class Status:
     resumable: bool = False
 
 
-def tell_status(state: "PaintingState", truth: Truth) -> Status:
-    """Returns the status of a painting: the only place where it is decided."""
-    stage, trouble = _find_stage(state, truth), state.trouble
-    resumable = stage in ("stopped", "failed") and truth.begun and not truth.working
-    if stage == "lost":
-        held = "Its painter still works, and may move the robot: press Stop."
-        trouble = f"The folder of this painting was deleted. {held if truth.working else 'Nothing of it is left.'}"
-    elif not trouble and stage == "failed":
-        kept = "What is painted is kept." if resumable else "Nothing was painted yet."
-        trouble = f"{_VANISHED.format('painter')} {truth.suspicion} {kept}"
-    elif not trouble and stage in ("planned", "plan failed") and _plan_statuses(state, truth)[-1:] != ["stopped"]:
-        vanished = any(plan.status == "planning" for plan in state.plans.values())
-        trouble = f"{_VANISHED.format('planner')} {truth.suspicion}" if vanished else ""
-    return Status(stage, truth.working, trouble, resumable)
-
-
-def _find_stage(state: "PaintingState", truth: Truth) -> Stage:
-    if not truth.here:
-        return "lost"
-    if state.painting is not None:
-        status = state.painting.status
-        if not truth.working and status not in _ENDS:
-            return "failed"
-        return "replanning" if status == "planning" else cast(Stage, status)
-    if state.queued:
-        return "waiting" if state.queued == "plan" else "queued"
-    found = _plan_statuses(state, truth)
-    if found[-1:] == ["planning"]:
-        return "planning"
-    if "ready" in found:
-        return "planned"
-    return "plan stopped" if found[-1:] == ["stopped"] else "plan failed"
-
-
-def _plan_statuses(state: "PaintingState", truth: Truth) -> list[str]:
-    return [plan_status(plan, state, truth) for plan in state.plans.values()]
-
-
-def plan_status(plan: "PlanState", state: "PaintingState", truth: Truth) -> str:
-    """Returns the status of a plan; a planner that ended without a word has failed."""
-    if plan.status != "planning" or truth.working:
-        return plan.status
-    return "stopped" if state.stopped else "failed"
-
-
-# State of a painting, computed from its events.
-
-_MAX_LOOKS = 200
-
-
 @dataclass
 class PlanState:
     """State of one plan.
@@ -156,279 +113,252 @@ class PlanState:
 
 
 @dataclass
-class PaintState:
-    """State of the painting process.
-
-    status: "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing", "finished", "stopped" or
-    "failed".
-    said: progress in words while it is being prepared.
-    dries: seconds that the paint still dries, 0 if nothing waits for it.
-    plan: number of its plan.
-    held: True in a pause, also while a command is performed there.
-    reason, cause: of the last pause.
-    turns: strokes of the robot's turn, 0 without turns.
-    game: minutes of the robot's turn, turn policy, and what becomes of the person's paint.
-
-    region: protected region.
-    remark: reason why a command could not be done as asked.
-    wish: request of a changed goal.
-    making: words of the pictures that are being made, which begin from the canvas; None if none are.
-    proposed: pictures to choose one from; None if there are none.
-    brush: brush in the hand, "" for none.
-    first_paint: palette number, from 0, of the paint in the first well.
-    paint: palette number of the paint on the brush, from 0.
-    dips: number of dips into each paint.
-    since_dip: strokes since the last dip.
-
-    looks: looks in order: seen, expected and replanned. Each has a reason `why`: "region", "only", "freed", "goal"
-    or "asked" for a person's command, else ""; and `found`, a picture that outlines what a person painted, if any.
-    person: brushes and wells for a person who paints through the page, and the number of their strokes; None if
-    nobody can.
-    film, arm, kept: True if there is a film, a film of a simulated arm, and all other results.
-    painters: True if the results tell who painted what.
-    """
-
-    plan: int
-    of: int
-    status: str = "preparing"
-    done: int = 0
-    left: float | None = None
-    said: str = ""
-    dries: float = 0.0
-    share: float = 0.0
-    photograph: str | None = None
-    growing: str | None = None
-    brush: str = ""
-    first_paint: int = 0
-    paint: int | None = None
-    dips: dict[int, int] = field(default_factory=dict)
-    since_dip: int = 0
-    reason: str = ""
-    looks: list[dict[str, Any]] = field(default_factory=list)
-    replanned: dict[str, Any] | None = None
-    held: bool = False
-    cause: PauseCause | None = None
-    turns: int = 0
-    game: dict[str, Any] = field(default_factory=lambda: {"minutes": 0.0, "policy": "alternate", "keep": "welcome"})
-    region: dict[str, Any] | None = None
-    remark: str = ""
-    wish: dict[str, Any] | None = None
-    making: str | None = None
-    proposed: making_events.PicturesMade | None = None
-    why: str = ""  # reason of the next look
-    person: dict[str, Any] | None = None
-    film: bool = False
-    arm: bool = False
-    kept: bool = False
-    painters: bool = False
-
-
-@dataclass
-class PaintingState:
+class PaintingPage:
     """State of a painting from the first request to the last stroke.
 
-    trouble: sentence about the last error, until other work begins.
-    stopped: True after a stop.
+    plans: by number.
+    job: the last job that a person or the queue began here: "plan", "paint", "resume", or "" before any.
+    plan, of: plan that is painted, and its number of strokes.
+    sittings: number of sittings before the job, so that it has begun if the painting has more of them.
+
+    said: progress of the job in words.
+    ended: "stopped" or "failed" if the job ended so.
+    trouble: sentence about its last error, until another job begins.
     queued: "plan" or "paint" if this job waits in the studio's queue, else "".
     question: open question, in the form of painter.py.
-    version: number that grows with every event.
+    painting: state of the painting, from its journal.
     times: what its work took.
+    place: path of the painting's folder, which no page shows.
     """
 
     plans: dict[int, PlanState] = field(default_factory=dict)
-    painting: PaintState | None = None
+    job: str = ""
+    plan: int = 0
+    of: int = 0
+    sittings: int = 0
+    said: str = ""
+    ended: Literal["", "stopped", "failed"] = ""
     trouble: str = ""
-    stopped: bool = False
     queued: str = ""
     question: dict[str, Any] | None = None
-    version: int = 0
+    painting: PaintingState = field(default_factory=PaintingState)
     times: WorkTimes = field(default_factory=WorkTimes)
+    place: str = ""
+    _heard: int = 0
 
-    def hear(self, event: Written, at: datetime | None = None) -> None:
-        """Updates the state by an event, written at that time; other events change nothing."""
-        self.version += 1
+    @property
+    def version(self) -> int:
+        """Number that grows with every event."""
+        return self._heard + self.painting.version
+
+    def hear(self, event: Event, at: datetime | None = None) -> None:
+        """Updates the state by an event of the feed, written at that time; other events change nothing."""
+        self._heard += 1
         if at is not None:
             self.times.hear(event, at)
         match event:
-            case events.PlanRequested(number, wish):
-                self._end_plans("stopped" if self.stopped else "failed")
-                self._forget_trouble()
-                self.plans[number] = PlanState(number, wish)
-            case events.PlanningProgress() | events.PlanPreview() | events.PlanMade() if event.plan is not None:
-                if event.plan in self.plans:
-                    _hear_plan(self.plans[event.plan], event)
-            case events.Queued(plan, job):
-                self.queued = job
-                if job == "plan" and plan in self.plans:
-                    self.plans[plan].status = "waiting"
-            case events.Dequeued(plan, begun):
-                self.queued = ""
-                if plan in self.plans and self.plans[plan].status == "waiting":
-                    self.plans[plan].status = "planning" if begun else "stopped"
-            case events.ProcedureProgress(words) if self.painting is None:
-                for each in self.plans.values():
-                    each.said = words if each.status == "planning" else ""
+            case events.Began("plan", plan=number, detail=detail):
+                self._end_plans(self.ended or "failed")
+                self._begin("plan")
+                self.plans[number] = PlanState(number, detail)
+            case events.Began("paint" | "resume" as job, plan=number, detail=detail):
+                self._begin(job)
+                of, sittings = (detail.get(name) for name in ("of", "sittings"))
+                self.plan, self.of = number, of if isinstance(of, int) else 0
+                self.sittings = sittings if isinstance(sittings, int) else 0
+            case events.Advanced():
+                self._hear_progress(event)
+            case events.ResultFound("plan", plan=number, detail=detail) if number in self.plans:
+                plan = self.plans[number]
+                nearer = detail.get("nearer")
+                plan.status, plan.share, plan.left = "ready", 1.0, None
+                plan.nearer = nearer if isinstance(nearer, float | int) else 0.0
+                plan.made = {name: detail.get(name) for name in _MADE}
+            case events.Queued(number, job):
+                self.queued = job if job in ("plan", "paint") else ""
+                if number in self.plans and (job == "plan" or self.plans[number].status == "waiting"):
+                    found = {"plan": "waiting", "begun": "planning", "removed": "stopped"}
+                    self.plans[number].status = found.get(job, self.plans[number].status)
             case events.Asked(question):
                 self.question = question
             case events.Answered():
                 self.question = None
-            case events.PaintingStarted(plan, of):
-                self._forget_trouble()
-                self.painting = PaintState(plan, of)
             case events.Failed(reason):
-                self.trouble = reason
-                self._end("failed")
+                self.ended, self.trouble = "failed", reason
+                self._end_plans("failed")
             case events.Stopped():
-                self.stopped = True
-                self._end("stopped")
-            case _ if self.painting is not None:
-                if isinstance(event, events.TakenUp):
-                    self._forget_trouble()
-                _hear_painting(self.painting, event)
-                if isinstance(event, events.PaintingKept) and self.stopped:
-                    self.painting.status = "stopped"
+                self.ended = "stopped"
+                self._end_plans("stopped")
             case _:
                 pass
 
-    def to_plain(self, truth: Truth) -> dict[str, Any]:
-        """Returns the state with its status as plain values."""
-        status = tell_status(self, truth)
-        plans = [asdict(plan) | {"status": plan_status(plan, self, truth)} for plan in self.plans.values()]
-        painting = None if self.painting is None else asdict(self.painting)
-        if painting is not None and not truth.working and painting["status"] not in _ENDS:
-            painting |= {"status": "failed", "left": None}
-        return {
-            "version": self.version,
-            **asdict(status),
-            "stopped": self.stopped,
-            "queued": self.queued,
-            "question": self.question if truth.working else None,
-            "plans": plans,
-            "painting": painting,
-        }
+    def hear_painting(self, event: Event, at: datetime | None = None) -> None:
+        """Updates the state by an event of the journal, written at that time."""
+        self.painting.hear(event, at)
+        if isinstance(event, events.Advanced):
+            self.said = event.words
+        if at is not None:
+            self.times.hear(event, at)
 
-    def _forget_trouble(self) -> None:
-        self.trouble, self.stopped, self.question = "", False, None
+    def _hear_progress(self, progress: events.Advanced) -> None:
+        planning = [plan for plan in self.plans.values() if plan.status == "planning"]
+        if self.job != "plan":
+            self.said = progress.words or self.said
+        for plan in planning:
+            plan.growing = progress.picture or plan.growing
+            if progress.words:
+                plan.said = progress.words
+            elif progress.share is not None:
+                plan.share, plan.left, plan.said = progress.share, progress.left, ""
+
+    def _begin(self, job: str) -> None:
+        self.job, self.said, self.trouble, self.ended, self.question = job, "", "", "", None
 
     def _end_plans(self, how: str) -> None:
         for plan in self.plans.values():
             if plan.status == "planning":
                 plan.status = how
 
-    def _end(self, how: str) -> None:
-        self._end_plans(how)
-        if self.painting is not None and self.painting.status not in _ENDS:
-            self.painting.status = how
+    # Status: one function of the state and of the facts.
+
+    def status(self, truth: Truth) -> Status:
+        """Returns the status of the painting: the only place where it is decided."""
+        stage, trouble = self._find_stage(truth), self.trouble
+        if not trouble and self._is_taken_up:
+            trouble = self._without_path(self.painting.trouble)
+        resumable = stage in ("stopped", "failed") and truth.begun and not truth.working
+        if stage == "lost":
+            held = "Its painter still works, and may move the robot: press Stop."
+            trouble = f"The folder of this painting was deleted. {held if truth.working else 'Nothing of it is left.'}"
+        elif not trouble and stage == "failed":
+            kept = "What is painted is kept." if resumable else "Nothing was painted yet."
+            trouble = f"{_VANISHED.format('painter')} {truth.suspicion} {kept}"
+        elif not trouble and stage in ("planned", "plan failed") and self._plan_statuses(truth)[-1:] != ["stopped"]:
+            vanished = any(plan.status == "planning" for plan in self.plans.values())
+            trouble = f"{_VANISHED.format('planner')} {truth.suspicion}" if vanished else ""
+        return Status(stage, truth.working, trouble, resumable)
+
+    def _without_path(self, sentence: str) -> str:
+        return sentence.replace(self.place, "its folder") if self.place else sentence
+
+    def _find_stage(self, truth: Truth) -> Stage:
+        if not truth.here:
+            return "lost"
+        doing = self._find_doing(truth)
+        if doing is not None:
+            return "replanning" if doing == "planning" else cast(Stage, doing)
+        if self.queued:
+            return "waiting" if self.queued == "plan" else "queued"
+        found = self._plan_statuses(truth)
+        if found[-1:] == ["planning"]:
+            return "planning"
+        if "ready" in found:
+            return "planned"
+        return "plan stopped" if found[-1:] == ["stopped"] else "plan failed"
+
+    @property
+    def _is_taken_up(self) -> bool:
+        """True if the painter of the last job has begun its sitting, or if nobody ordered one here."""
+        return self.painting.runs > self.sittings or self.job not in ("paint", "resume")
+
+    def _find_doing(self, truth: Truth) -> Doing | None:
+        """Returns what is done with the painting, or how it ended; None before a person began it."""
+        painting, is_job, taken_up = self.painting, self.job in ("paint", "resume"), self._is_taken_up
+        if not is_job and not painting.runs:
+            return None
+        if taken_up and painting.doing in ENDS and (truth.working or not self.ended or painting.doing == "finished"):
+            return painting.doing
+        if self.ended and is_job:
+            return self.ended
+        if not truth.working:
+            return "failed"
+        return painting.doing if taken_up else "preparing"
+
+    def _plan_statuses(self, truth: Truth) -> list[str]:
+        return [self._plan_status(plan, truth) for plan in self.plans.values()]
+
+    def _plan_status(self, plan: PlanState, truth: Truth) -> str:
+        """Returns the status of a plan; a planner that ended without a word has failed."""
+        if plan.status != "planning" or truth.working:
+            return plan.status
+        return self.ended or "failed"
+
+    def to_plain(self, truth: Truth) -> dict[str, Any]:
+        """Returns the state with its status as plain values."""
+        plans = [asdict(plan) | {"status": self._plan_status(plan, truth)} for plan in self.plans.values()]
+        doing = self._find_doing(truth)
+        if self.painting.runs and not plans:
+            plans = [asdict(self._describe_plan_of_terminal())]
+        return {
+            "version": self.version,
+            **asdict(self.status(truth)),
+            "stopped": self.ended == "stopped" or (self.job != "plan" and self.painting.stopped),
+            "queued": self.queued,
+            "question": self.question if truth.working else None,
+            "plans": plans,
+            "painting": None if doing is None else self._describe_painting(doing),
+        }
+
+    def _describe_plan_of_terminal(self) -> PlanState:
+        """Returns the plan of a painting that was begun at the terminal, from its settings."""
+        settings, made = self.painting.settings, {"prefix": "", "frames": [], "palette": [], "mixtures": []}
+        wish = {name: settings.get(name) for name in _OF_TERMINAL} | {"terms": [], "initial": []}
+        wish["brushes"] = settings.get("brushes") or ""
+        with suppress(ConfigError):
+            size = CanvasSize.parse(str(settings.get("canvas")))
+            wish |= {"width": 1000 * size.width, "height": 1000 * size.height}
+        return PlanState(0, wish, "ready", made={**made, "strokes": settings.get("strokes")})
+
+    def _describe_painting(self, doing: Doing) -> dict[str, Any]:
+        """Returns the painting in the form of `PaintState` in tools/page/state.d.ts."""
+        state, pause = self.painting, self.painting.pause
+        left = None if doing in ("preparing", "failed") or not state.plannings else round(state.time.remaining, 1)
+        drying, made = state.drying, state.replanned
+        results = state.results
+        person = state.may_paint
+        return {
+            "plan": self.plan,
+            "of": state.of or self.of,
+            "status": doing,
+            "done": state.painted,
+            "left": left if results is None else 0.0,
+            "said": self.said,
+            "dries": 0.0 if drying is None else drying[0].left * state.pace,
+            "share": state.share,
+            "photograph": state.photograph,
+            "growing": state.growing,
+            "brush": state.brush,
+            "paint": state.paint,
+            "dips": dict(state.dips_of),
+            "since_dip": state.since_dip,
+            "reason": "" if pause is None else self._without_path(pause.reason),
+            "cause": None if pause is None else pause.cause,
+            "held": state.paused,
+            "looks": [_describe_look(look) for look in state.looks[-_MAX_LOOKS:] if look.told.pictures],
+            "replanned": None
+            if made is None
+            else {name: made.shown.get(name) for name in _REPLANNED} | {"done": made.done},
+            "turns": state.turns.strokes,
+            "game": {name: getattr(state.turns, name) for name in ("minutes", "policy", "keep")},
+            "region": {"picture": state.region.picture, "only": state.region.only} if state.region else None,
+            "remark": self._without_path(state.remark),
+            "wish": state.goals[-1].wish if state.goals else None,
+            "making": state.is_making,
+            "proposed": None if state.proposed is None else asdict(state.proposed),
+            "person": None
+            if person is None and not state.person
+            else {
+                "brushes": [] if person is None else person.brushes,
+                "wells": [] if person is None else person.wells,
+                "strokes": state.person_painted,
+            },
+            "kept": results is not None,
+            **{name: name in (results or ()) for name in ("film", "arm", "painters")},
+        }
 
 
-def _hear_plan(plan: PlanState, event: events.PlanningProgress | events.PlanPreview | events.PlanMade) -> None:
-    match event:
-        case events.PlanningProgress(share, left):
-            plan.share, plan.left, plan.said = share, left, ""
-        case events.PlanPreview(picture):
-            plan.growing = picture
-        case events.PlanMade():
-            plan.status, plan.share, plan.left, plan.nearer = "ready", 1.0, None, event.nearer
-            plan.made = {name: getattr(event, name) for name in _MADE}
-
-
-def _hear_painting(painting: PaintState, event: Written) -> None:
-    painting.status = _STATUS.get(type(event), painting.status)
-    if isinstance(event, events.LookShown | events.WentOn | events.RestReplanned):
-        painting.remark = ""
-    if isinstance(event, events.Paused | events.WentOn | events.TakenUp):
-        painting.held, painting.making = isinstance(event, events.Paused), None
-    match event:
-        case events.ProcedureProgress(words):
-            painting.said = words
-        case events.TakenUp(done):
-            painting.done, painting.film, painting.kept = done, False, False
-        case events.LayerBegun(brush=brush, first_paint=first):
-            painting.brush, painting.first_paint, painting.paint = brush, first, None
-        case events.BrushInHand(brush):
-            painting.brush = brush or ""
-        case events.Dipped(well):
-            paint = painting.first_paint + well
-            painting.paint, painting.since_dip = paint, 0
-            painting.dips[paint] = painting.dips.get(paint, 0) + 1
-        case events.Drying(left=seconds):
-            painting.dries = seconds
-        case events.StrokePainted(done, of) | events.StrokeLeftOut(done, of):
-            painting.done, painting.of = done, of or painting.of
-            painting.since_dip += isinstance(event, events.StrokePainted)
-        case events.TimeLeft(seconds):
-            painting.left = seconds
-        case events.PhotographShown(picture):
-            painting.photograph = picture
-        case events.LookShown():
-            painting.growing = None
-            painting.looks = [*painting.looks[-_MAX_LOOKS:], {**asdict(event), "why": painting.why}]
-            painting.why = ""
-        case events.TouchCorrected() | events.LastLookDoubted() if painting.looks:
-            told = [*painting.looks[-1].get("touch", []), event.sentence]
-            painting.looks[-1] = {**painting.looks[-1], "touch": told}
-        case events.Considering():
-            painting.why = "asked"
-        case events.PlanningProgress(share, left):
-            painting.share, painting.left = share, left
-        case events.PlanPreview(picture):
-            painting.growing = picture
-        case events.RestReplanned():
-            painting.growing, painting.share = None, 0.0
-            painting.replanned = {name: getattr(event, name) for name in _REPLANNED}
-            if painting.looks and painting.looks[-1]["done"] == event.done and "gain" not in painting.looks[-1]:
-                more = {"gain": event.gain, "plan": f"{event.prefix}plan.jpg"}
-                painting.looks[-1] = {**painting.looks[-1], **more}
-        case events.Paused(reason=reason, cause=cause):
-            painting.reason, painting.cause, painting.why = reason, cause, ""
-        case events.Turns(strokes):
-            painting.turns = strokes
-            painting.game = {"minutes": event.minutes, "policy": event.policy, "keep": event.keep}
-        case person_events.RegionProtected(only=only, picture=picture):
-            painting.region = {"picture": picture, "only": only} if picture else None
-            painting.why = ("only" if only else "region") if picture else "freed"
-        case person_events.GoalChanged(wish=wish):
-            painting.wish, painting.why, painting.proposed = wish, "goal", None
-        case making_events.MakingStarted(words):
-            painting.making, painting.said = words, ""
-        case making_events.PicturesMade():
-            painting.making, painting.proposed = None, event
-        case events.WentOn():
-            painting.proposed = None
-        case events.PersonMayPaint(brushes, wells):
-            strokes = 0 if painting.person is None else painting.person["strokes"]
-            painting.person = {"brushes": brushes, "wells": wells, "strokes": strokes}
-        case person_events.PersonStrokePainted(number):
-            painting.person = {"brushes": [], "wells": [], **(painting.person or {}), "strokes": number}
-            painting.remark = ""
-        case person_events.PersonPaintShown(picture) if painting.looks:
-            painting.looks[-1] = {**painting.looks[-1], "found": picture}
-        case events.Remark(sentence):
-            painting.remark = sentence
-        case events.PaintingKept(film, arm, painters):
-            painting.film, painting.arm, painting.left, painting.kept = film, arm, 0.0, True
-            painting.painters = painters
-        case _:
-            pass
-
-
-_MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "mixing", "remarks", "seconds")
-_REPLANNED = ("prefix", "frames", "strokes", "palette", "done")
-# Status of a painting after an event; other events do not change it.
-_STATUS: dict[type[Written], str] = {
-    events.TakenUp: "preparing",
-    events.Mixing: "mixing",
-    events.Dipped: "painting",
-    events.Drying: "drying",
-    events.StrokePainted: "painting",
-    events.StrokeLeftOut: "painting",
-    events.LookShown: "planning",
-    events.PlanningProgress: "planning",
-    events.RestReplanned: "painting",
-    events.Paused: "paused",
-    events.Considering: "planning",
-    events.WentOn: "painting",
-    events.Finishing: "finishing",
-    events.PaintingKept: "finished",
-}
-_ENDS = ("finished", "stopped", "failed")
+def _describe_look(look: LookState) -> dict[str, Any]:
+    told: dict[str, Any] = {"done": look.told.done, **look.told.pictures, "why": look.why}
+    if look.planned is not None and look.planned.look:
+        told |= {"gain": round(look.planned.gain, 4), "plan": look.planned.look}
+    return told | ({"touch": list(look.touch)} if look.touch else {}) | ({"found": look.found} if look.found else {})

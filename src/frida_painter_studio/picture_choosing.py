@@ -15,7 +15,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
-from frida_painter.session.making_events import PicturesMade
+from frida_painter.session.events import PicturesMade
 from frida_painter_studio.reader import ask_reader
 from frida_painter_studio.studio_folder import MAKING_SUFFIX, KeptRequest, Side, Words
 

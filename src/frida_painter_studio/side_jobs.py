@@ -16,7 +16,7 @@ from frida_painter.easel.dialogue import lead
 from frida_painter.easel.virtual_easel import open_virtual_easel
 from frida_painter.errors import Interrupted
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import FamilyTaught, ProcedureProgress
+from frida_painter.session.events import ResultFound
 from frida_painter_calibration.procedures.strokes import StrokesProgress, strokes
 from frida_painter_calibration.teaching.evaluation import learn
 from frida_painter_calibration.teaching.families import write_family
@@ -49,7 +49,7 @@ def imagine(folder: PaintingFolder, feed: Feed, stop: StopWatch) -> None:
     try:
         making = make_pictures(
             order.words, order.maker, place, spec, minutes=order.minutes, stop_asked=lambda: stop.asked,
-            tell=lambda sentence: feed.tell(ProcedureProgress(sentence)),
+            tell=feed.say,
         )  # fmt: skip
     except Interrupted:
         stop.heed()
@@ -82,7 +82,7 @@ def show_pictures(making: Making, live: Path, secret: str) -> list[str]:
     return names
 
 
-def teach(request: TeachingRequest, folder: PaintingFolder, families: Path, say: Callable[[str], None]) -> FamilyTaught:
+def teach(request: TeachingRequest, folder: PaintingFolder, families: Path, say: Callable[[str], None]) -> ResultFound:
     """Learns a family, writes it into `families` with its marks and its sheet, and returns what was learned.
 
     say: receives the progress in words; may raise to end it.
@@ -122,4 +122,5 @@ def teach(request: TeachingRequest, folder: PaintingFolder, families: Path, say:
     picture = folder.make_live_path("family", ".png")
     for place in (file.with_suffix(".png"), picture):
         images.save(sheet, place)
-    return FamilyTaught(request.name, request.brush, sentence, picture.name)
+    told = {"brush": request.brush, "sentence": sentence, "picture": picture.name}
+    return ResultFound("family", request.name, detail=told)

@@ -6,16 +6,16 @@ from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable, Sequence
 from contextlib import aclosing
 from dataclasses import dataclass, field
-from datetime import datetime
 from threading import Lock
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
-from frida_painter.session.events import Written
+from frida_painter.easel.kinds import JOURNAL
 from frida_painter_studio.commands import Role
-from frida_painter_studio.painting_state import Truth
+from frida_painter_studio.jobs import JobState
+from frida_painter_studio.painting_state import PaintingPage, Truth
 from frida_painter_studio.studio_folder import FeedReader, PaintingFolder
 
 # Cache of states, so that a feed is not read again for each request.
@@ -24,29 +24,15 @@ _MAX_KEPT = 500  # states
 _MAX_READS = 5
 
 
-class Shown(Protocol):
-    """State that is computed from a feed.
-
-    version: number that grows with every event.
-    """
-
-    version: int
-
-    def hear(self, event: Written, at: datetime | None = None) -> None:
-        """Updates the state by an event that was written at that time."""
-
-    def to_plain(self, truth: Truth) -> dict[str, Any]:
-        """Returns the state as plain values."""
-
-
+Shown = PaintingPage | JobState
 Seen = TypeVar("Seen")
 
 
 class FeedStates:
-    """States of paintings and jobs; each one is computed from its feed once, then updated."""
+    """States of paintings and jobs; each one is computed from its files once, then updated."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[str, tuple[FeedReader, Any, Lock]] = OrderedDict()
+        self._kept: OrderedDict[str, tuple[Callable[[], int], Any, Lock]] = OrderedDict()
         self._turn = Lock()
 
     def current(self, folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
@@ -58,24 +44,39 @@ class FeedStates:
         name = str(folder.path)
         with self._turn:
             if name not in self._kept:
-                self._kept[name] = (FeedReader(folder.feed), fresh(), Lock())
-            reader, state, turn = self._kept[name]
+                state = fresh()
+                self._kept[name] = (_follower(folder, state), state, Lock())
+            follow, state, turn = self._kept[name]
             self._kept.move_to_end(name)
             if len(self._kept) > _MAX_KEPT:
                 self._kept.popitem(last=False)
         with turn:
-            truth, events = None, reader.read_with_times()
+            follow()
             # A worker takes its lock before its first event, and releases it after the last one. So state and truth
             # agree if no event came while the truth was found.
             for _ in range(_MAX_READS):
-                if truth is not None and not events:
+                truth = Truth.of(folder)
+                if not follow():
                     break
-                for event, at in events:
-                    state.hear(event, at)
-                truth, events = Truth.of(folder), reader.read_with_times()
-            for event, at in events:
-                state.hear(event, at)
-            return look(state, truth or Truth.of(folder))
+            return look(state, truth)
+
+
+def _follower(folder: PaintingFolder, state: Any) -> Callable[[], int]:
+    """Returns a function that tells the state its new events, of the feed and of the journal, and returns how many."""
+    readers = [(FeedReader(folder.feed), state.hear)]
+    if isinstance(state, PaintingPage):
+        state.place = str(folder.path)
+        readers.append((FeedReader(folder.painting / JOURNAL), state.hear_painting))
+
+    def follow() -> int:
+        count = 0
+        for reader, hear in readers:
+            for event, at in reader.read_with_times():
+                hear(event, at)
+                count += 1
+        return count
+
+    return follow
 
 
 # Server-sent events to browsers: always the newest state, never a queue of old ones.

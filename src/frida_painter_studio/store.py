@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import errno
+import hashlib
 import re
 import secrets
 import shutil
@@ -16,6 +17,7 @@ from datetime import datetime
 from pathlib import Path
 
 from frida_painter import python_process, storage
+from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import ImageError, Interrupted, StorageError
 from frida_painter_studio.studio_folder import FAMILIES, PICTURES, PaintingFolder, forget_lock, require_disk
 
@@ -90,10 +92,19 @@ class PaintingStore:
         return Entry(identifier, PaintingFolder(folder), title, begun)
 
     def all(self) -> list[Entry]:
-        """Returns all paintings, the newest first."""
+        """Returns all paintings, the newest first, also those that were begun at the terminal."""
         with self._base() as base:
             rows = base.execute("SELECT id, folder, title, begun FROM painting ORDER BY begun DESC, rowid DESC")
-            return [self._entry(*row) for row in rows.fetchall()]
+            ours = [self._entry(*row) for row in rows.fetchall()]
+        return sorted([*ours, *self._find_of_terminal()], key=lambda entry: entry.begun, reverse=True)
+
+    def _find_of_terminal(self) -> Iterator[Entry]:
+        for journal in self.root.glob(f"*/{JOURNAL}"):
+            folder = journal.parent
+            with contextlib.suppress(OSError):
+                begun = datetime.fromtimestamp((folder / "goal").stat().st_ctime).isoformat(timespec="seconds")
+                identifier = hashlib.sha256(folder.name.encode()).hexdigest()[:16]
+                yield Entry(identifier, PaintingFolder(folder), folder.name, begun)
 
     def find(self, identifier: str) -> Entry | None:
         """Returns the painting of that id, or None."""
@@ -101,7 +112,9 @@ class PaintingStore:
             return None
         with self._base() as base:
             row = base.execute("SELECT id, folder, title, begun FROM painting WHERE id = ?", (identifier,)).fetchone()
-        return None if row is None else self._entry(*row)
+        if row is not None:
+            return self._entry(*row)
+        return next((entry for entry in self._find_of_terminal() if entry.id == identifier), None)
 
     def rename(self, identifier: str, title: str) -> None:
         """Gives a painting another title."""

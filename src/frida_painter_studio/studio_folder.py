@@ -18,14 +18,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstra
 
 from frida_painter import locks, registry, storage
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE
+from frida_painter.easel.kinds import JOURNAL, LIVE_PICTURE, STOP_FILE
 from frida_painter.errors import StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.runs.fields import AUTO, Focus, Ground, brush_shares, family_shares, limits_of
 from frida_painter.runs.goal_item import Crop, GoalItem
 from frida_painter.runs.spec import RunSpec, without_former
-from frida_painter.session.events import Failed, PlanningProgress, Turns, Written, events_of, record, time_of
+from frida_painter.session.events import Advanced, Event, events_of, record, time_of
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
 
@@ -201,6 +201,7 @@ PICTURES = "pictures"
 """Name of the folder of uploaded pictures in the studio's folder."""
 MAKING_SUFFIX = ".making.json"
 """End of the name of a file that records how the picture of the same name was made from words."""
+_PLACES = {"live": "live", "painting": ".", "sketchbook": "sketchbook"}
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
 _MAX_PLANS = 24
 _TOKEN = "[0-9a-f]" * 24  # pattern of a random name
@@ -262,14 +263,28 @@ class PaintingFolder:
     """Folder of a simulated robot's lock, because each painting has its own simulated robot."""
     stop = _Inside("stop")
     """File that stops the worker when it exists."""
-    painting = _Inside("painting")
-    """Folder of the painting's results, as on the command line: plan, journal, photographs, film, page."""
-    robot_stop = _Inside("painting", STOP_FILE)
-    """File that makes the robot's process stop the robot, independent of the worker."""
-    camera = _Inside("painting", LIVE_PICTURE)
-    """Current picture of a live camera, written by the easel's process."""
     live = _Inside("live")
     """Folder of pictures that are shown during the work."""
+
+    @property
+    def is_of_terminal(self) -> bool:
+        """True if the painting was begun at the terminal: this is its folder."""
+        return (self.path / JOURNAL).is_file()
+
+    @property
+    def painting(self) -> Path:
+        """Folder of the painting, as on the command line: plan, journal, photographs, film, page."""
+        return self.path if self.is_of_terminal else self.path / "painting"
+
+    @property
+    def robot_stop(self) -> Path:
+        """File that makes the robot's process stop the robot, independent of the worker."""
+        return self.painting / STOP_FILE
+
+    @property
+    def camera(self) -> Path:
+        """Current picture of a live camera, written by the easel's process."""
+        return self.painting / LIVE_PICTURE
 
     @property
     def pictures(self) -> Path:
@@ -320,10 +335,16 @@ class PaintingFolder:
         return plan
 
     def find_shown(self, place: str, name: str) -> Path | None:
-        """Returns the file `name` of a place ("live", "painting", or a plan's number); None if it may not be shown."""
-        if not (place in ("live", "painting") or re.fullmatch(r"[1-9]\d?", place)) or not _SHOWN.fullmatch(name):
+        """Returns the file `name` of a place; None if it may not be shown.
+
+        place: "live", "painting", "sketchbook", or a plan's number.
+        """
+        if self.is_of_terminal and (place, name) == ("0", "plan.jpg"):
+            place, name = "painting", "plan.png"
+        if not (place in _PLACES or re.fullmatch(r"[1-9]\d?", place)) or not _SHOWN.fullmatch(name):
             return None
-        folder = self.plan(int(place)).path if place.isdecimal() else self.path / place
+        inside = self.path if place == "live" else self.painting
+        folder = self.plan(int(place)).path if place.isdecimal() else inside / _PLACES[place]
         path = (folder / name).resolve()
         return path if path.is_file() and path.is_relative_to(self.path.resolve()) else None
 
@@ -398,13 +419,13 @@ def find_job(folder: PaintingFolder) -> str:
 
 
 def find_work(root: Path) -> list[PaintingFolder]:
-    """Returns all folders of a studio on which a worker is at work, also deleted ones. Raises OSError.
+    """Returns all folders of a studio on which a worker or a terminal is at work, also deleted ones. Raises OSError.
 
     A folder at which nobody can look counts as one: a stop must reach all others too.
     """
-    if not (root / _LOCKS).is_dir():
-        return []
-    return [folder for each in (root / _LOCKS).iterdir() if _may_work(folder := PaintingFolder(root / each.name))]
+    names = {each.name for each in (root / _LOCKS).iterdir()} if (root / _LOCKS).is_dir() else set()
+    names |= {journal.parent.name for journal in root.glob(f"*/{JOURNAL}")}
+    return [folder for name in sorted(names) if _may_work(folder := PaintingFolder(root / name))]
 
 
 def _may_work(folder: PaintingFolder) -> bool:
@@ -415,15 +436,8 @@ def _may_work(folder: PaintingFolder) -> bool:
 
 
 def working(folder: PaintingFolder) -> bool:
-    """Returns True if a worker is at work on the painting."""
-    try:
-        file = os.open(_lock_file(folder), os.O_RDONLY | os.O_CLOEXEC)
-    except FileNotFoundError:
-        return False
-    try:
-        return not locks.take(file, shared=True)  # shared: two processes that look do not see one another
-    finally:
-        os.close(file)
+    """Returns True if a worker or a terminal is at work on the painting."""
+    return locks.is_held(_lock_file(folder)) or (folder.is_of_terminal and locks.is_held(folder.path / JOURNAL))
 
 
 # Request of the page for a job.
@@ -453,7 +467,8 @@ class KeptRequest(BaseModel):
             raise StorageError(f"The request ({cls._name}) is damaged; ask again.") from cause
 
 
-# Feed of a painting: its events, for everybody who watches.
+# Feed of a painting or a job: what is asked for and how the workers' processes fare. A painting itself is told by its
+# journal.
 
 _BETWEEN_STEPS = 0.25  # seconds between two reports of progress, as fine as a person can see
 
@@ -469,31 +484,33 @@ class Feed:
     def __post_init__(self) -> None:
         self._log = EventLog(self.folder.feed, FEED)
 
-    def tell(self, event: Written) -> None:
+    def tell(self, event: Event) -> None:
         """Writes an event."""
-        try:
-            self._log.append(record(event), flush=isinstance(event, Turns))  # nothing else knows what was agreed on
-        except StorageError:
-            return
+        with contextlib.suppress(StorageError):
+            self._log.append(record(event))
 
-    def step(self, share: float, left: float, plan: int | None = None) -> None:
+    def say(self, sentence: str) -> None:
+        """Writes progress in words."""
+        self.tell(Advanced(sentence))
+
+    def step(self, share: float, left: float, picture: str = "") -> None:
         """Writes the progress of planning, at most every 0.25 s.
 
         share: in [0, 1].
         left: remaining seconds.
-        plan: plan number, None during a painting.
+        picture: file of a new picture of the plan so far, "" if there is none.
         """
         now = time.monotonic()
-        if now - self._told >= _BETWEEN_STEPS or share >= 1:
+        if now - self._told >= _BETWEEN_STEPS or share >= 1 or picture:
             self._told = now
-            self.tell(PlanningProgress(round(share, 4), round(left, 1), plan))
+            self.tell(Advanced("", round(share, 4), round(left, 1), picture or None))
 
     def close(self) -> None:
         """Closes the feed."""
         self._log.close()
 
 
-def tell_once(folder: PaintingFolder, event: Written) -> None:
+def tell_once(folder: PaintingFolder, event: Event) -> None:
     """Writes one event for the page."""
     feed = Feed(folder)
     feed.tell(event)
@@ -501,28 +518,19 @@ def tell_once(folder: PaintingFolder, event: Written) -> None:
 
 
 class FeedReader:
-    """Reads new events from a feed; the file need not exist yet."""
+    """Reads new events from a feed or a journal; the file need not exist yet."""
 
     def __init__(self, path: Path) -> None:
         self._reader = LogReader(path)
-        self._is_refused = False
 
-    def read(self) -> list[Written]:
-        """Returns the events since the last call, in order, without invalid lines.
-
-        A feed of the first version gives one event, which says that it is not read.
-        """
+    def read(self) -> list[Event]:
+        """Returns the events since the last call, in order, without invalid lines."""
         return [event for event, _ in self.read_with_times()]
 
-    def read_with_times(self) -> list[tuple[Written, datetime | None]]:
+    def read_with_times(self) -> list[tuple[Event, datetime | None]]:
         """Returns the events like `read`, each with the time at which it was written, None if it has none."""
-        found: list[tuple[Written, datetime | None]] = []
-        try:
-            lines = self._reader.read()
-        except StorageError as refused:
-            lines, found = [], [] if self._is_refused else [(Failed(str(refused)), None)]
-            self._is_refused = True
-        for line in lines:
+        found: list[tuple[Event, datetime | None]] = []
+        for line in self._reader.read():
             at: datetime | None = None
             with contextlib.suppress(ValueError):
                 at = time_of(line).astimezone()

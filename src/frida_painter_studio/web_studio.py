@@ -8,17 +8,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from frida_painter import registry
+from frida_painter import registry, storage
+from frida_painter.easel.kinds import PAUSE_FILE
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
 from frida_painter.runs.fields import family_shares
-from frida_painter.session.events import PlanRequested, TakenUp
+from frida_painter.session.events import Began
 from frida_painter_studio import commands, picture_choosing, studio_folder
 from frida_painter_studio.commands import Command, Reply, Role
 from frida_painter_studio.jobs import JOBS, Imagining, JobState, Setup, TeachingRequest
 from frida_painter_studio.pace import LAST, WorkTimes, find_pace
-from frida_painter_studio.painting_state import PaintingState, Status, tell_status
+from frida_painter_studio.painting_state import PaintingPage, Status
 from frida_painter_studio.picture_choosing import AllowedMakers, ChosenPicture, MakingOrder, MakingRequest
 from frida_painter_studio.security import Lead, Presence, Session
 from frida_painter_studio.state import FeedStates, Shown, StateStreams, Topic
@@ -92,7 +93,7 @@ class Studio:
 
     def _last_times(self) -> list[WorkTimes]:
         last = self.store.all()[:LAST]
-        return [self.feeds.view(entry.folder, PaintingState, lambda state, truth: state.times) for entry in last]
+        return [self.feeds.view(entry.folder, PaintingPage, lambda state, truth: state.times) for entry in last]
 
     def work(self) -> dict[str, Any]:
         """Returns who is at work (ids of paintings, "calibration", "setup"), and the queue in order.
@@ -126,11 +127,11 @@ class Studio:
         return {**shown, "picture": _best_picture(entry.folder)}
 
     def _status(self, entry: Entry) -> Status:
-        return self.feeds.view(entry.folder, PaintingState, tell_status)
+        return self.feeds.view(entry.folder, PaintingPage, PaintingPage.status)
 
     def painting(self, entry: Entry) -> dict[str, Any]:
         """Returns the state of a painting, as the page shows it."""
-        shown = self.feeds.current(entry.folder, PaintingState)
+        shown = self.feeds.current(entry.folder, PaintingPage)
         return {"id": entry.id, "title": entry.title, "begun": entry.begun, **shown}
 
     def job(self, job: type[JobState]) -> dict[str, Any]:
@@ -153,7 +154,7 @@ class Studio:
         if name in JOBS:
             folder, fresh = self.store.job(name), JOBS[name]
         elif (entry := self.store.find(name)) is not None:
-            folder, fresh = entry.folder, PaintingState
+            folder, fresh = entry.folder, PaintingPage
         else:
             return None
 
@@ -200,6 +201,7 @@ class Studio:
     def _plan(self, entry: Entry, request: PaintingRequest) -> None:
         """Starts the plan, or puts it into the queue if other work comes first."""
         folder = entry.folder
+        _require_ours(folder)
         if working(folder):
             raise Interrupted("The painter is at work on this painting already.")
         if self.queue.must_wait():
@@ -212,7 +214,8 @@ class Studio:
     def _request_plan(self, entry: Entry, request: PaintingRequest) -> PlanFolder:
         """Makes the folder of a new plan and reports it to the page."""
         plan = entry.folder.begin_plan(request, self.store.pictures)
-        studio_folder.tell_once(entry.folder, PlanRequested(plan.number, request.model_dump(mode="json")))
+        wish = request.model_dump(mode="json")
+        studio_folder.tell_once(entry.folder, Began("plan", plan=plan.number, detail=wish))
         if request.title and request.title != entry.title:
             self.store.rename(entry.id, request.title)
         return plan
@@ -247,6 +250,7 @@ class Studio:
 
     def resume(self, entry: Entry, by: Session) -> None:
         """Resumes a painting that was stopped, killed or failed."""
+        _require_ours(entry.folder)
         folder, status = entry.folder, self._status(entry)
         if status.stage == "finished":
             raise Interrupted("This painting is finished; to paint it once more, take Paint again.")
@@ -254,20 +258,27 @@ class Studio:
             raise Interrupted("The painter is at work on this painting already.")
         if not status.resumable:
             raise Interrupted("There is nothing to go on with: no stroke was painted yet.")
-        painting = self.painting(entry)["painting"]
+        plan, of, sittings = self.feeds.view(
+            folder, PaintingPage, lambda state, truth: (state.plan, state.of, state.painting.runs)
+        )
         studio_folder.require_disk(folder.path, _ROOM_TO_RESUME)
         with self.workers.slot_at(folder) as slot:
             self.presence.allow(self.easel)
             folder.stop.unlink(missing_ok=True)
             folder.robot_stop.unlink(missing_ok=True)
             self.store.note(by.id, entry.id, "resume")
-            studio_folder.tell_once(folder, TakenUp(painting["done"]))
-            slot.start("resume", folder.plan(painting["plan"]))
+            began = Began("resume", plan=plan, detail={"of": of, "sittings": sittings})
+            studio_folder.tell_once(folder, began)
+            slot.start("resume", folder.plan(plan))
 
     def say(self, entry: Entry, command: Command, by: Session) -> None:
         """Sends a command to the painter of a running painting."""
         if not (entry.folder.painting.is_dir() and working(entry.folder)):
             raise Interrupted("Nothing is being painted here at the moment.")
+        if entry.folder.is_of_terminal:
+            self.store.note(by.id, entry.id, commands.describe(command))
+            _tell_terminal(entry.folder, command)
+            return
         match command:
             case commands.Protect(picture) | commands.GivePicture(picture):
                 self._require_pictures({picture})
@@ -291,9 +302,7 @@ class Studio:
 
     def choose_proposal(self, entry: Entry, chosen: ChosenPicture, by: Session) -> dict[str, str]:
         """Takes a proposed picture of a painting among the pictures for goals; returns its id, and how it was made."""
-        proposed = self.feeds.view(
-            entry.folder, PaintingState, lambda state, truth: state.painting and state.painting.proposed
-        )
+        proposed = self.feeds.view(entry.folder, PaintingPage, lambda state, truth: state.painting.proposed)
         made = picture_choosing.take_picture(
             chosen, [proposed] if proposed else [], entry.folder.painting, self.store.pictures
         )
@@ -364,6 +373,28 @@ class Studio:
         made = picture_choosing.take_picture(chosen, makings, folder.path / picture_choosing.MADE, self.store.pictures)
         self.store.note(by.id, Imagining.name, f"choose {made['made']}")
         return made
+
+
+def _require_ours(folder: PaintingFolder) -> None:
+    """Raises Interrupted if a painting was begun at the terminal."""
+    if folder.is_of_terminal:
+        raise Interrupted(
+            f"This painting was begun at the terminal; go on with it there: frida-painter resume {folder.path.name}"
+        )
+
+
+def _tell_terminal(folder: PaintingFolder, command: Command) -> None:
+    """Pauses a painting that was begun at the terminal, or lets it go on. Raises Interrupted for another command."""
+    pause = folder.painting / PAUSE_FILE
+    try:
+        if command == commands.PAUSE:
+            pause.touch()
+        elif command == commands.GO_ON:
+            pause.unlink(missing_ok=True)
+        else:
+            raise Interrupted("This painting was begun at the terminal: here it can be watched, paused and stopped.")
+    except OSError as error:
+        raise storage.cannot_write(pause, error) from error
 
 
 @dataclass

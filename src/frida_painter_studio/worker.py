@@ -1,21 +1,23 @@
 """Jobs of a worker process: it plans, paints or calibrates; worker_process.py starts them."""
 
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from torch import Tensor
 
 from frida_painter import event_log, images, storage
-from frida_painter.brush.kinds import brush_kind
+from frida_painter.brush.kinds import StrokeModel, brush_kind
 from frida_painter.calibration import Calibration, Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Confirm, PointCorners
-from frida_painter.easel.kinds import ARM_FILM, SIMULATION_LOG, STOP_FILE
+from frida_painter.easel.kinds import SIMULATION_LOG, STOP_FILE
 from frida_painter.errors import (
     CalibrationError,
     ConfigError,
@@ -24,21 +26,27 @@ from frida_painter.errors import (
     PaintingPaused,
     RobotStopped,
 )
+from frida_painter.export.gcode import gcode
+from frida_painter.export.vector import plan_widths, svg, table
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.gcode import Gcode
+from frida_painter.mixing.recipe import volumes
 from frida_painter.perception.snapshot import find_corners
 from frida_painter.plan import Plan
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
-from frida_painter.report.painters import PAINTERS, PERSON, find_painters
+from frida_painter.report.painters import PERSON, find_painters
 from frida_painter.runs.fields import family_shares
 from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.settle import ground_of, paints_for_recipes
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session import events, setup_events
+from frida_painter.session import events
+from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.controls import Controls
 from frida_painter.session.opening import adopt_camera, statuses
+from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.time_left import PlanTime, share_of_plan
 from frida_painter_calibration.calibrating import (
     CalibrationSetup,
@@ -49,10 +57,10 @@ from frida_painter_calibration.calibrating import (
 from frida_painter_calibration.machine_setup import SetupEvent, SetupOrder, lead_setup
 from frida_painter_studio.jobs import CalibrationRequest, SetupRequest, TeachingRequest
 from frida_painter_studio.painter import Asker, PauseController
+from frida_painter_studio.plan_pictures import GrowingPlan, PlanPictures, draw_plan
 from frida_painter_studio.side_jobs import imagine, teach
 from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, PaintingFolder, PlanFolder
-from frida_painter_studio.telling import Growing, Reporter, export, illustrate, mixtures
 from frida_painter_studio.web_app_easel import WebAppEasel
 
 _BETWEEN_WORDS = 0.5  # seconds
@@ -148,9 +156,7 @@ def calibrate(job: Job) -> None:
         here = with_operator(easel, spec, job.asker.answer)
         try:
             job.stop.then(here.robot.stop)
-            here = connect_easel(
-                here, job.asker.answer, lambda sentence: job.feed.tell(events.ProcedureProgress(sentence))
-            )
+            here = connect_easel(here, job.asker.answer, job.feed.say)
             _lead_all(job, request, here)
         finally:
             here.camera.close()
@@ -163,33 +169,28 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
     _tell_status(feed, known, here.calibration)
 
     def say(words: str) -> None:
-        feed.tell(events.ProcedureProgress(words))
+        feed.say(words)
         job.stop.heed()
 
     for name in request.what:
-        feed.tell(events.ProcedureBegan(name))
+        feed.tell(events.Began("procedure", name))
         setup = CalibrationSetup(here, brush_kind(request.brush), path, request.seed, request.count, say)
         finding, known = calibrate_one(name, setup, known, job.asker.answer)
-        shown = None
+        told: dict[str, Any] = {"sentence": finding.sentence, "picture": None}
         if finding.picture is not None:
             shown = job.folder.make_live_path(f"found-{name}", ".png", alone=True)
             images.save(finding.picture, shown)
-        feed.tell(events.ProcedureFound(name, finding.sentence, None if shown is None else shown.name))
+            told["picture"] = shown.name
+        feed.tell(events.ResultFound("procedure", name, detail=told))
         _tell_status(feed, known, here.calibration)
 
 
 def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
     """Reports the status of every procedure."""
-    procedures = [
-        {
-            "name": status.procedure,
-            "dated": None if status.done is None else status.done.dated[:10],
-            "fault": status.fault,
-            "old": status.is_old,
-        }
-        for status in statuses(adopt_camera(record, easel), easel)
-    ]
-    feed.tell(events.CalibrationStatus(easel.easel, procedures))
+    for status in statuses(adopt_camera(record, easel), easel):
+        dated = None if status.done is None else status.done.dated[:10]
+        stands = {"easel": easel.easel, "dated": dated, "fault": status.fault, "old": status.is_old}
+        feed.tell(events.ResultFound("status", status.procedure, detail=stands))
 
 
 # Teaching of a stroke by a worker.
@@ -203,7 +204,7 @@ def teach_stroke(job: Job) -> None:
         job.stop.heed()
         if time.monotonic() - told[0] >= _BETWEEN_WORDS:
             told[0] = time.monotonic()
-            job.feed.tell(events.ProcedureProgress(words))
+            job.feed.say(words)
 
     told = [0.0]
     job.feed.tell(teach(request, job.folder, job.folder.families, say))
@@ -219,7 +220,9 @@ def set_up(job: Job) -> None:
     asker = Asker(job.folder, job.feed, job.stop, may_leave=True)
 
     def tell(event: SetupEvent) -> None:
-        job.feed.tell(_show_sheet(event, job.folder) if isinstance(event, setup_events.SetupWritten) else event)
+        if isinstance(event, events.ResultFound) and event.what == "setup":
+            event = _show_sheet(event, job.folder)
+        job.feed.tell(event)
         job.stop.heed()
 
     size = None if request.width is None else CanvasSize(request.width / 1000, (request.height or 0.0) / 1000)
@@ -227,14 +230,14 @@ def set_up(job: Job) -> None:
     try:
         lead_setup(order, asker.answer, tell, stops=folder, opened=lambda robot: job.stop.then(robot.stop))
     except Interrupted as left:
-        job.feed.tell(setup_events.SetupLeft(str(left)))
+        job.feed.tell(events.ResultFound("left", str(left)))
 
 
-def _show_sheet(written: setup_events.SetupWritten, folder: PaintingFolder) -> setup_events.SetupWritten:
+def _show_sheet(written: events.ResultFound, folder: PaintingFolder) -> events.ResultFound:
     """Copies the picture of a finished setup for the page; returns the event with the copy's name."""
     shown = folder.make_live_path("setup", ".png", alone=True)
-    storage.copy(Path(written.sheet), shown, "the picture of the setup", storage.MAX_BYTES)
-    return replace(written, sheet=shown.name)
+    storage.copy(Path(written.detail["sheet"]), shown, "the picture of the setup", storage.MAX_BYTES)
+    return replace(written, detail=written.detail | {"sheet": shown.name})
 
 
 # Painting by a worker: it starts or resumes the run of a requested painting.
@@ -249,30 +252,29 @@ def paint(job: Job, place: PlanFolder) -> None:
         run.load_easel()  # loads in parallel with the planner
         job.stop.heed()
         _lead(job, run)
-        _conclude(job, run, run.start(plan))
+        _conclude(job, run.start(plan))
 
 
 def resume(job: Job, place: PlanFolder) -> None:
     """Resumes a painting that was stopped, killed or failed, from its journal."""
     with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
-        assert run.history is not None
-        job.feed.tell(events.TakenUp(run.history.painted))
         _tell_waits(job, run)
         run.load_easel()
         _lead(job, run)
-        _conclude(job, run, run.resume())
+        _conclude(job, run.resume())
 
 
 def _tell_waits(job: Job, run: PaintingRun) -> None:
     """Connects the waits before planning to the page and to its stop."""
-    run.tell, run.heed = lambda sentence: job.feed.tell(events.ProcedureProgress(sentence)), job.stop.heed
+    run.tell, run.heed = job.feed.say, job.stop.heed
 
 
 def _lead(job: Job, run: PaintingRun) -> None:
     """Connects the run to the page: reports, questions and controls."""
     job.stop.then(run.open_easel().robot.stop)
-    planner, left = run.planner, run.estimate_time(time.monotonic())
-    reporter = Reporter(job.feed, job.folder, planner.models, planner.size, left, in_turns=run.spec.together)
+    planner = run.planner
+    shown = planner.bare, planner.models, planner.size
+    run.keepers.append(PlanPictures(job.folder.live, *shown, in_turns=run.spec.together).hear)
 
     def look_at(picture: Path) -> None:
         given = GivenPicture(picture)
@@ -285,8 +287,9 @@ def _lead(job: Job, run: PaintingRun) -> None:
         assert isinstance(corners, tuple)
         run.look_at_picture(replace(given, corners=corners))
 
-    pauses = PauseController(job.folder, job.feed, job.stop, job.began, lambda: run.session, look_at, job.asker.answer)
-
+    pauses = PauseController(
+        job.folder, run.report, job.stop, job.began, lambda: run.session, look_at, job.asker.answer
+    )
     if run.history is not None:
         pauses.owe(run.history.request, run.history.proposed)
 
@@ -298,7 +301,8 @@ def _lead(job: Job, run: PaintingRun) -> None:
         question = f"Stroke {number} was begun, and nothing tells whether it was painted. Paint it again?"
         return job.asker.answer(Confirm(question, picture, proposal=False)) is True
 
-    run.listeners += [reporter.hear, pauses.hear]
+    run.listeners.append(pauses.hear)
+    run.finish = partial(_add_results, run)
     run.controls = Controls(
         stop_asked=lambda: job.stop.asked,
         pause_cause=pauses.pause_cause,
@@ -310,28 +314,43 @@ def _lead(job: Job, run: PaintingRun) -> None:
     )
 
 
-def _conclude(job: Job, run: PaintingRun, outcome: RunOutcome) -> None:
-    """Reports the end of a run, and exports its plan for other programs and machines."""
+def _conclude(job: Job, outcome: RunOutcome) -> None:
+    """Raises the error that ended a run, unless a person stopped it."""
     trouble = outcome.trouble
     if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
         raise trouble
     if outcome.page is None:  # it was stopped before the first plan
         job.feed.tell(events.Stopped())
-        return
+
+
+def _add_results(run: PaintingRun, outcome: RunOutcome) -> None:
+    """Exports the plan of a painting for other programs, and tells who painted what if a person painted too.
+
+    A fault of the latter costs only this picture.
+    """
     painted = Plan.load(outcome.folder)
     if len(painted):
         export(painted, run.planner.models, outcome.folder, run.spec.drying)
-    _tell_painters(run, outcome)
-    films = {"film": "film.mp4", "arm": ARM_FILM, "painters": f"{PAINTERS}.png"}
-    job.feed.tell(events.PaintingKept(**{name: (outcome.folder / file).exists() for name, file in films.items()}))
-
-
-def _tell_painters(run: PaintingRun, outcome: RunOutcome) -> None:
-    """Writes who painted what beside the painting, if a person painted too; a fault costs only this picture."""
     with suppress(FridaError):
         found = find_painters(outcome.folder, run.planner.models)
         if found.of(PERSON) and outcome.painting is not None:
             found.save(outcome.folder, outcome.painting.photograph)
+
+
+def export(plan: Plan, models: Mapping[str, StrokeModel], folder: Path, drying: float) -> None:
+    """Writes strokes.svg, strokes.csv and strokes.gcode (GRBL, with a pause at every dip) into a folder.
+
+    models: stroke models by brush name.
+    drying: drying time of a layer in minutes.
+    Raises StorageError.
+    """
+    flatbed = FlatbedWorkspace()
+    choreography = Choreography.of(flatbed.motion(plan.canvas), plan.brushes)
+    actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
+    program = gcode(plan, list(actions), Gcode("grbl", flatbed.travel_speed), pauses=True, drying=60 * drying)
+    storage.write_text(folder / "strokes.svg", svg(plan, plan_widths(plan, models)))
+    storage.write_text(folder / "strokes.csv", table(plan))
+    storage.write_text(folder / "strokes.gcode", program)
 
 
 def work(what: str, job: Job, place: PlanFolder) -> None:
@@ -364,31 +383,36 @@ def make_plan(job: Job, place: PlanFolder) -> None:
     with PaintingRun(job.spec(place)) as run:
         _tell_waits(job, run)
         planner = run.planner
-        bare = planner.bare
+        bare, models = planner.bare, planner.models
         started = time.monotonic()
-
-        def grown(name: str) -> None:
-            feed.tell(events.PlanPreview(name, place.number))
-
-        growing = Growing(place.path, bare, planner.models, planner.size, grown)
+        growing = GrowingPlan(place.path, bare, models, planner.size)
         expected_time = planner.measure_plan(run.spec.strokes)
         if expected_time is not None:
-            feed.step(0.0, expected_time, place.number)
+            feed.step(0.0, expected_time)
         plan_time = PlanTime(expected_time)
 
         def hear(step: Step) -> None:
             job.stop.heed()
             share = share_of_plan(step.iteration, step.of)
-            feed.step(share, plan_time.find_remaining(share), place.number)
-            growing.hear(step.parts)
+            feed.step(share, plan_time.find_remaining(share), growing.draw(step.parts))
 
         made = run.plan(hear)
         made.save(place.plan)
         if len(made):
-            export(made, planner.models, place.path, run.spec.drying)
+            export(made, models, place.path, run.spec.drying)
         expected = planner.expected(made, bare)
         nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
-        told = illustrate(made, planner.models, bare, place.path)
-        mixed, took = mixtures(made, paints_for_recipes(run.spec)), round(time.monotonic() - started, 1)
-        told |= {"mixtures": mixed, "mixing": mixing_changes(made), "remarks": list(planner.encoders.remarks)}
-    feed.tell(events.PlanMade(place.number, round(nearer, 4), took, **told))
+        owned = paints_for_recipes(run.spec)
+        amounts = zip(owned.mix(made.palette.color), volumes(made).tolist(), strict=True)
+        told = {
+            **draw_plan(made, models, bare, place.path),
+            "nearer": round(nearer, 4),
+            "seconds": round(time.monotonic() - started, 1),
+            "mixtures": [
+                {"recipe": recipe.words, "millilitres": round(amount, 1), "near": recipe.within_reach}
+                for recipe, amount in amounts
+            ],
+            "mixing": mixing_changes(made),
+            "remarks": list(planner.encoders.remarks),
+        }
+    feed.tell(events.ResultFound("plan", plan=place.number, detail=told))

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from frida_painter import registry
 from frida_painter.errors import FridaError, RobotStopped
-from frida_painter.session.events import Failed, Rests, Stopped
+from frida_painter.session.events import Failed, Stopped
 from frida_painter_studio.stop import StopPressed, StopWatch
 from frida_painter_studio.studio_folder import PLAN_JOB, Feed, PaintingFolder
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -52,7 +52,6 @@ def main() -> None:
         raise
     finally:
         os.close(int(lock))
-        feed.tell(Rests())
         feed.close()
 
 

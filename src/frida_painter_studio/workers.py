@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from frida_painter import python_process, storage
 from frida_painter.errors import FridaError, Interrupted, StorageError
-from frida_painter.session.events import Dequeued, PaintingStarted, Queued
+from frida_painter.session.events import Began, Queued
 from frida_painter_studio.store import Entry, PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder, PlanFolder, WorkerLock, tell_once, working
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -21,10 +21,7 @@ from frida_painter_studio.web_app_easel import WebAppEasel
 _MAX = 2
 
 
-@dataclass(frozen=True)
-class _Started:
-    process: "subprocess.Popen[bytes]"
-    folder: PaintingFolder
+_Started = tuple["subprocess.Popen[bytes]", PaintingFolder]
 
 
 class Workers:
@@ -37,8 +34,8 @@ class Workers:
     @property
     def busy(self) -> bool:
         """True if the largest number of workers is at work; workers that are only ending do not count."""
-        self._started = [one for one in self._started if one.process.poll() is None]
-        at_work = {one.folder for one in self._started if working(one.folder)}
+        self._started = [(process, folder) for process, folder in self._started if process.poll() is None]
+        at_work = {folder for _, folder in self._started if working(folder)}
         return len(at_work) >= _MAX
 
     @contextmanager
@@ -78,7 +75,7 @@ class WorkerSlot:
                 )  # fmt: skip
         except OSError as error:
             raise StorageError(f"The painter cannot be started ({error.strerror}).") from error
-        self._started.append(_Started(process, self.folder))
+        self._started.append((process, self.folder))
 
 
 # Queue of a studio: plans to be made and paintings to be painted, one after another.
@@ -162,7 +159,7 @@ class PaintingQueue:
             self._keep([waiting for waiting in self._entries if waiting.painting != identifier])
             entry = self._store.find(identifier)
             if entry is not None and entry.folder.path.is_dir():
-                tell_once(entry.folder, Dequeued(gone[0].plan, begun=False))
+                tell_once(entry.folder, Queued(gone[0].plan, "removed"))
             return True
 
     def first(self, identifier: str) -> None:
@@ -201,7 +198,7 @@ class PaintingQueue:
             self._keep([other for other in self._entries if other != waiting])
             entry.folder.stop.unlink(missing_ok=True)
             plan = entry.folder.plan(waiting.plan)
-            tell_once(entry.folder, Dequeued(waiting.plan, begun=True))
+            tell_once(entry.folder, Queued(waiting.plan, "begun"))
             if waiting.job == "paint":
                 self._store.note("queue", entry.id, f"start plan {waiting.plan}")
                 start_painting(slot, plan)
@@ -231,5 +228,5 @@ class PaintingQueue:
 def start_painting(slot: WorkerSlot, plan: PlanFolder) -> None:
     """Starts a worker that paints a plan."""
     request = plan.request()
-    tell_once(slot.folder, PaintingStarted(plan.number, 0 if request.together else request.strokes))
+    tell_once(slot.folder, Began("paint", plan=plan.number, detail={"of": 0 if request.together else request.strokes}))
     slot.start("paint", plan)

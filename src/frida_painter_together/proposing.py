@@ -27,10 +27,9 @@ from frida_painter.runs.goal_item import MAKING, making_facts, read_prompt
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_folder import keep_goal
 from frida_painter.runs.spec import RunSpec
+from frida_painter.session.events import GoalChanged, PicturesMade, RegionProtected, RequestTaken
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.making_events import PicturesMade
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
-from frida_painter.session.person_events import GoalChanged, RegionProtected, RequestTaken
 from frida_painter_words.picture_makers.making import (
     USUAL_MINUTES,
     USUAL_PICTURES,
@@ -108,13 +107,11 @@ def pursue(
     folder: Path,
     wanted: RunSpec,
     wish: dict[str, Any],
-    tell: Callable[[GoalChanged], None] = lambda changed: None,
 ) -> None:
     """Changes the goal of a painting in a pause, and replans the rest; the paints stay, because they are mixed already.
 
     folder: of the painting
     wish: request of the page, if there is one
-    tell: hears of the change, before the rest is replanned
     Raises ConfigError if the painting has no goal, ImageError and StorageError.
     """
     require_goal(session)
@@ -127,7 +124,6 @@ def pursue(
     changed = GoalChanged(kept, wish, done, tuple(fact for _, fact in facts))
     session.note(changed)
     session.planner = session.planner.towards(goal)
-    tell(changed)
     session.look_again(_ROUNDS)
 
 

@@ -21,12 +21,11 @@ from frida_painter.errors import CameraError, ConfigError, PaintingPaused
 from frida_painter.hardware.easel import PersonCanvas, PersonStroke
 from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import MARK, find_painted
-from frida_painter.session.events import TimelapseFrame
+from frida_painter.session.events import PEN_LIMITS, PersonStrokeBegan, PersonStrokePainted, TimelapseFrame
 from frida_painter.session.executor import Desk
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS, CanvasObserver
 from frida_painter.session.open_loop import OpenLoopMonitor
-from frida_painter.session.person_events import PEN_LIMITS, PersonStrokeBegan, PersonStrokePainted
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
 from frida_painter_together.policies import take_turn
 
@@ -216,7 +215,7 @@ class PersonTurns:
         self._lay(stroke)
         self._begun.append(begun)
         seen = self._observer.film(self._observer.photograph(self._hand.last_motion).image, TIMELAPSE_ROWS)
-        self._tell(TimelapseFrame(seen, progress.painted, max(1, progress.strokes), begun.color))
+        self._tell(TimelapseFrame(progress.painted, max(1, progress.strokes), begun.color, photograph=seen))
 
     def remember(self, strokes: Sequence[PersonStrokeBegan], answered: int, released: int = 0) -> None:
         """Takes over the person's strokes of earlier runs.

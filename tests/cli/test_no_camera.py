@@ -11,7 +11,7 @@ from PIL import Image
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import example
-from frida_painter.session.journal import History
+from frida_painter.session.fold import PaintingState
 from machines.bench import tell_zero
 from machines.grbl import GRBL, QUICK, GrblController
 from machines.simulated_time import Living
@@ -43,8 +43,8 @@ def kinds(folder: Path) -> list[str]:
     return [record["kind"] for record in EventLog.read(folder / "journal")]
 
 
-def told(folder: Path) -> History:
-    return History.of(EventLog.read(folder / "journal"), folder)
+def told(folder: Path) -> PaintingState:
+    return PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 BEGINS = (0.1, -0.25, 0.25)  # where the tip stands first, metres
@@ -95,7 +95,7 @@ def test_without_a_camera_the_plan_is_painted_and_everything_says_that_nobody_lo
     status, said = run("paint", "coffee.png", *SMALL, *robot, *BLIND, "--out", "it", "--yes")
     assert status == 0 and "No camera: nobody looks at the canvas." in said, said
     assert "it/painting.png, as expected: nobody looked" in said and "it/film.mp4, as expected" in said
-    assert "photographed" not in kinds(desk / "it") and told(desk / "it").looks == 0
+    assert "photographed" not in kinds(desk / "it") and told(desk / "it").photographed == 0
     assert told(desk / "it").finished and told(desk / "it").painted == 5
     page = (desk / "it" / "index.html").read_text()
     assert "as it should look; nobody photographed it" in page and "nobody filmed the canvas" in page

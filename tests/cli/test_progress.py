@@ -1,16 +1,11 @@
 import io
 import itertools
 import math
-import time
-from pathlib import Path
 
 import pytest
-import torch
 from rich.console import Console
 
-from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli.terminal import PaintingLine, PlanningLine, _words
-from frida_painter.palette import Palette
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import (
     Answered,
@@ -32,19 +27,17 @@ from frida_painter.session.events import (
     Scheduled,
     StrokePainted,
     TimelapseFrame,
-    TimeLeft,
     Timetable,
     WentOn,
+    WorkExpected,
 )
-from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.replan_policy import EvenlySpaced, looks_on_the_way
 from frida_painter.session.time_left import Pace, PlanTime, RemainingTime, duration, remaining_seconds, share_of_plan
-from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
-from frida_painter_studio.telling import Reporter
-from support.plans import made_up_plan
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10
 PER_ITERATION, PER_STROKE, PER_LOOK = 0.0004, 0.12, 0.3  # seconds: of each stroke planned, painted, of each look
-PICTURE = torch.zeros(3, 4, 4)
+PAINTS = PaintsWanted(("#ffffff", "#000000"))
 
 
 def evening(strokes: int = STROKES, replans: int = REPLANS) -> list[tuple[float, Event]]:
@@ -57,26 +50,28 @@ def evening(strokes: int = STROKES, replans: int = REPLANS) -> list[tuple[float,
         now += seconds
         events.append((now, event))
 
-    plan = made_up_plan(strokes)
     for iteration in range(1, PLANNING + 1):
         then(PER_ITERATION * strokes, PlanningStep("plan", iteration, PLANNING, 0.1))
-    then(0.0, Planned(plan, 0, PICTURE, 1.0, 0.5))
-    then(0.0, PaintsWanted(plan.palette))
+    then(0.0, Planned(0, strokes, 1.0, 0.5))
+    then(0.0, PAINTS)
     done = 0
     for size in EvenlySpaced(replans).batches(strokes):
         for _ in range(size):
             done += 1
             then(PER_STROKE, StrokePainted(done, strokes, (0.0, 0.0, 0.0)))
-        then(PER_LOOK, Looked(PICTURE, PICTURE, done))
+        then(PER_LOOK, Looked(done))
         if done < strokes:
             for iteration in range(1, REPLANNING + 1):
                 then(PER_ITERATION * (strokes - done), PlanningStep("replan", iteration, REPLANNING, 0.1))
-            then(0.0, Planned(plan.part(slice(done, None)), done, PICTURE, 1.0, 0.5))
+            then(0.0, Planned(done, strokes - done, 1.0, 0.5))
     return events
 
 
-def time_left(strokes: int = STROKES, replans: int = REPLANS) -> RemainingTime:
-    return RemainingTime(strokes, EvenlySpaced(replans), 0.0, planning=PLANNING, replanning=REPLANNING)
+def time_left(strokes: int = STROKES, replans: int = REPLANS, work: tuple[int, int] | None = None) -> RemainingTime:
+    left = RemainingTime()
+    looks = tuple(looks_on_the_way(EvenlySpaced(replans), strokes))
+    left.hear(WorkExpected(strokes, looks, *(work or (PLANNING, REPLANNING))), 0.0)
+    return left
 
 
 @pytest.mark.parametrize("replans", [0, 3, 9])
@@ -102,7 +97,7 @@ def test_the_time_left_is_nothing_at_the_end_and_never_negative_or_endless() -> 
 
 def test_strokes_of_unequal_length_are_counted_by_the_timetable() -> None:
     """The first half of the strokes takes a tenth of the time; by strokes alone it would seem half."""
-    expecting = RemainingTime(10, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    expecting = time_left(10, 0, (0, 0))
     after = tuple(float(second) for second in (1, 2, 3, 4, 5, 14, 23, 32, 41, 50))
     expecting.hear(Scheduled(Timetable(strokes=50.0, after=after), 0), 0.0)
     for done in range(1, 6):
@@ -121,8 +116,8 @@ def test_a_slower_machine_takes_longer_as_soon_as_it_is_known() -> None:
 
 
 def test_a_pace_is_guessed_by_earlier_work_until_it_is_measured() -> None:
-    pace = Pace.of_earlier_work([1.0, 60.0, 2.0], guess=5.0)
-    assert (pace.seconds, Pace.of_earlier_work([], guess=5.0).seconds) == (2.0, 5.0)
+    pace = Pace(2.0)
+    assert pace.seconds == 2.0
     pace.measure(30.0, 10.0)
     assert pace.time_for(4.0) == 12.0 and pace.time_for(0.0) == 0.0
     assert Pace().time_for(1.0) == math.inf and Pace().time_for(0.0) == 0.0
@@ -151,7 +146,7 @@ def test_a_known_time_of_a_plan_is_corrected_by_how_busy_the_machine_is(load: fl
 
 def test_a_plan_that_takes_longer_per_iteration_as_it_grows_is_foreseen() -> None:
     """The line of a painting reckons like that of a plan alone: half of the iterations are less than half the work."""
-    expecting = RemainingTime(STROKES, EvenlySpaced(0), 0.0, planning=PLANNING, replanning=0)
+    expecting = time_left(STROKES, 0, (PLANNING, 0))
     for iteration in range(1, PLANNING // 2 + 1):
         expecting.hear(PlanningStep("plan", iteration, PLANNING, 0.1), 10 * share_of_plan(iteration, PLANNING))
     left = expecting.remaining - 0.1 * STROKES  # a guess of painting
@@ -177,25 +172,25 @@ def test_durations_are_said_as_people_say_them(seconds: float, words: str) -> No
 
 def shown(*events: Event) -> str:
     out = io.StringIO()
-    console = Console(file=out, width=100, force_terminal=False)
-    with PaintingLine(console, time_left()) as bar:
-        for event in events:
+    console, state = Console(file=out, width=100, force_terminal=False), PaintingState()
+    with PaintingLine(console, lambda: state) as bar:
+        for event in (*events, Finishing()):
+            state.hear(event)
             bar.hear(event)
-        bar.hear(Finishing())
     return out.getvalue()
 
 
 def test_the_line_says_what_is_going_on() -> None:
     out = shown(
         PlanningStep("plan", 10, PLANNING, 0.1),
-        PaintsWanted(Palette(torch.ones(2, 3))),
+        PaintsWanted(("#ffffff", "#000000")),
         StrokePainted(3, STROKES, (0.0, 0.0, 0.0)),
     )
     assert "finishing the film" in out and "left" in out
 
 
 def test_the_line_stays_away_while_a_person_is_asked() -> None:
-    with PaintingLine(Console(file=io.StringIO(), force_terminal=True), time_left()) as bar:
+    with PaintingLine(Console(file=io.StringIO(), force_terminal=True), PaintingState) as bar:
         with bar.aside():
             bar.hear(StrokePainted(3, STROKES, (0.0, 0.0, 0.0)))
             assert not bar._bar.live.is_started
@@ -203,7 +198,7 @@ def test_the_line_stays_away_while_a_person_is_asked() -> None:
 
 
 def test_the_time_left_falls_as_the_paint_dries() -> None:
-    expecting = RemainingTime(2, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    expecting = time_left(2, 0, (0, 0))
     expecting.hear(Scheduled(Timetable(strokes=20, drying=600, after=(10, 620)), 0), 0.0)
     expecting.hear(StrokePainted(1, 2), 10.0)
     left = []
@@ -211,21 +206,21 @@ def test_the_time_left_falls_as_the_paint_dries() -> None:
         expecting.hear(Drying(1, 600.0, dries), at)
         left.append(expecting.remaining)
     assert left == pytest.approx([610, 310, 10])
-    assert _words(Drying(1, 600.0, 300.0)) == "letting the paint dry, 5 min 00 s more"
+    assert _words(Drying(1, 600.0, 300.0), 1.0) == "letting the paint dry, 5 min 00 s more"
+    assert _words(Drying(1, 600.0, 300.0), 0.0) == ""
 
 
 def _frame(done: int) -> TimelapseFrame:
-    return TimelapseFrame(PICTURE, done, 300, (0.0, 0.0, 0.0))
+    return TimelapseFrame(done, 300, (0.0, 0.0, 0.0))
 
 
 def _person(number: int) -> PersonStrokeBegan:
     return PersonStrokeBegan(number, 10, {}, (0.0, 0.0, 0.0))
 
 
-PAUSED, LOOKED = Paused("You asked.", 10, "person"), Looked(PICTURE, PICTURE, 10)
-PAINTS = PaintsWanted(Palette(torch.ones(2, 3)))
+PAUSED, LOOKED = Paused("You asked.", 10, "person"), Looked(10)
 STEPS = [(0.1, PlanningStep("replan", step, 4, 0.1)) for step in (1, 2, 3, 4)]
-REPLANNED = Planned(made_up_plan(290), 10, PICTURE, 1.0, 0.5)
+REPLANNED = Planned(10, 290, 1.0, 0.5)
 OF_A_PERSON: dict[str, list[tuple[float, Event]]] = {
     "a pause": [(0, PAUSED), (300, WentOn())],
     "a pause whose end nobody tells": [(0, PAUSED), (300, Dipped(0))],
@@ -257,7 +252,7 @@ def test_what_a_person_takes_is_never_counted_as_work(
     events: list[tuple[float, Event]], timetable: tuple[float, ...]
 ) -> None:
     """Strokes of a second, with minutes of a person among them: 300 strokes take 300 s in all."""
-    expecting, now = RemainingTime(300, EvenlySpaced(0), 0.0, planning=0, replanning=4), 0.0
+    expecting, now = time_left(300, 0, (0, 4)), 0.0
     if timetable:
         expecting.hear(Scheduled(Timetable(strokes=300.0, after=timetable), 0), 0.0)
     before = [(1.0, StrokePainted(done, 300)) for done in range(1, 11)]
@@ -272,7 +267,7 @@ def test_what_a_person_takes_is_never_counted_as_work(
 
 def test_a_picture_alone_makes_nothing_longer() -> None:
     """Seconds count only if a stroke follows, and not if a person turns out to have had them."""
-    expecting = RemainingTime(300, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    expecting = time_left(300, 0, (0, 0))
     for done in range(1, 11):
         expecting.hear(StrokePainted(done, 300), float(done))
     for now, event in ((310.0, _frame(10)), (610.0, LOOKED), (611.0, PAUSED), (612.0, StrokePainted(11, 300))):
@@ -296,37 +291,17 @@ def test_a_person_does_not_slow_the_forecast_of_planning_either() -> None:
 @pytest.mark.parametrize(("pace", "left"), [(1.0, 610.0), (0.0, 10.0), (0.1, 70.0)])
 def test_drying_counts_as_long_as_people_wait_for_it(pace: float, left: float) -> None:
     """20 minutes of the robot's clock are nothing in a studio that is simulated at once."""
-    expecting = RemainingTime(4, EvenlySpaced(0), 0.0, planning=0, replanning=0)
+    expecting = time_left(4, 0, (0, 0))
     table = Timetable(strokes=20, drying=600, after=(5.0, 10.0, 615.0, 620.0), dried=(0.0, 0.0, 600.0, 600.0))
     expecting.hear(Scheduled(table, 0, pace), 0.0)
     for done in (1, 2):
         expecting.hear(StrokePainted(done, 4), 5.0 * done)
     assert expecting.remaining == pytest.approx(left)
     for part in (1.0, 0.5, 0.0) if pace else ():
-        expecting.hear(Drying(2, 600 * pace, 600 * pace * part), 10.0 + 600 * pace * (1 - part))
+        expecting.hear(Drying(2, 600.0, 600.0 * part), 10.0 + 600 * pace * (1 - part))
         assert expecting.remaining == pytest.approx(10.0 + 600 * pace * part)
     expecting.hear(StrokePainted(3, 4), 15.0 + 600 * pace)
     assert expecting.remaining == pytest.approx(5.0)
-
-
-def test_page_and_terminal_tell_the_same_time_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder, now = PaintingFolder(tmp_path), 0.0
-    monkeypatch.setattr(time, "monotonic", lambda: now)
-    reporter = Reporter(Feed(folder), folder, {}, CanvasSize(0.2, 0.1), time_left())
-    line, shown = PaintingLine(Console(file=io.StringIO()), time_left()), []
-    for passed, event in (
-        *[(2.0, StrokePainted(done, STROKES)) for done in range(1, 11)],
-        (0.0, PAUSED),
-        (300.0, LOOKED),
-        (3.0, StrokePainted(11, STROKES)),
-    ):
-        now += passed
-        reporter.hear(event)
-        line.hear(event)
-        if isinstance(event, StrokePainted):
-            shown.append(round(line._bar.tasks[0].fields["left"], 1))
-    told = [event.seconds for event in FeedReader(folder.feed).read() if isinstance(event, TimeLeft)]
-    assert told == shown and shown[-1] < 120
 
 
 def test_planning_alone_has_a_line_too() -> None:

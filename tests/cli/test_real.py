@@ -19,7 +19,7 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.session.journal import History
+from frida_painter.session.fold import PaintingState
 from frida_painter_drivers.gcode import GcodeRobot
 from killing import kill_when
 from machines.grbl import GRBLHAL, QUICK, GrblController
@@ -122,8 +122,8 @@ class Grbl(Living):
         return self.machine.received
 
 
-def told(folder: Path) -> History:
-    return History.of(EventLog.read(folder / "journal"), folder)
+def told(folder: Path) -> PaintingState:
+    return PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run, easel: Path) -> None:

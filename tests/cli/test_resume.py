@@ -16,7 +16,7 @@ from frida_painter import storage
 from frida_painter.cli import commands
 from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
-from frida_painter.session.journal import History
+from frida_painter.session.fold import PaintingState
 from killing import began, kill_when
 from support import data
 from support.commandline import Command
@@ -86,8 +86,8 @@ def contents(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file() and path.name[0] != "."}
 
 
-def told(folder: Path) -> History:
-    return History.of(EventLog.read(folder / "journal"), folder)
+def told(folder: Path) -> PaintingState:
+    return PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 def test_it_shows_what_was_done_and_does_nothing_by_itself(resume: Resume, painting: Path) -> None:

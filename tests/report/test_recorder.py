@@ -8,7 +8,6 @@ import torch
 from torch import Tensor
 
 from frida_painter.plan import Plan
-from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.mixable import MIXED_PAINTS
 from frida_painter.report.recorder import Recorder
 from frida_painter.session.events import (
@@ -22,13 +21,15 @@ from frida_painter.session.events import (
     TimelapseFrame,
     TouchCorrected,
 )
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.journal import Journal
 from frida_painter.session.progress import Painting
 from support.planning import small_table
 from support.plans import CANVAS, LIMITS, made_up_plan
 
 TOLD = ("A cup <of> coffee", torch.full((3, 60, 90), 0.4), (("Seed", "7"),), {"photo": "cup.jpg", "strokes": 12})
 BLACK = (0.0, 0.0, 0.0)
-FORECAST = SimilarityForecast(24.1, 23.6, 24.5)
+FORECAST = (24.1, 23.6, 24.5)
 
 
 def picture(shade: float, rows: int = 40, columns: int = 60) -> Tensor:
@@ -48,27 +49,28 @@ SECOND = moved(FIRST.part(slice(6, None)))
 def an_evening() -> list[Event]:
     """12 strokes, planned again after 6; two dips, one with a cleaning; four timelapse frames."""
     events: list[Event] = [PlanningStep("plan", 1, 2, 0.5), PlanningStep("plan", 2, 2, 0.4)]
-    events += [Planned(FIRST, 0, picture(0.5), 0.6, 0.3, FORECAST), Dipped(0, False)]
+    events += [Planned(0, 12, 0.6, 0.3, FORECAST, plan=FIRST, expected=picture(0.5)), Dipped(0, False)]
     for done in range(1, 7):
         events.append(StrokePainted(done, 12, BLACK))
         if done % 3 == 0:
-            events.append(TimelapseFrame(picture(0.9 - 0.05 * done, 54, 80), done, 12, BLACK))
-    events += [Looked(picture(0.7, 80, 120), picture(0.6), 6), PlanningStep("replan", 1, 1, 0.35)]
-    events += [Planned(SECOND, 6, picture(0.5), 0.4, 0.3), Dipped(1, True)]
+            events.append(TimelapseFrame(done, 12, BLACK, photograph=picture(0.9 - 0.05 * done, 54, 80)))
+    events += [Looked(6, photograph=picture(0.7, 80, 120), expected=picture(0.6)), PlanningStep("replan", 1, 1, 0.35)]
+    events += [Planned(6, 6, 0.4, 0.3, plan=SECOND, expected=picture(0.5)), Dipped(1, True)]
     for done in range(7, 13):
         events.append(StrokePainted(done, 12, BLACK))
         if done % 3 == 0:
-            events.append(TimelapseFrame(picture(0.9 - 0.05 * done, 54, 80), done, 12, BLACK))
-    return [*events, Looked(picture(0.4, 80, 120), picture(0.45), 12)]
+            events.append(TimelapseFrame(done, 12, BLACK, photograph=picture(0.9 - 0.05 * done, 54, 80)))
+    return [*events, Looked(12, photograph=picture(0.4, 80, 120), expected=picture(0.45))]
 
 
 def recorded(
     folder: Path, events: list[Event], painting: Painting, timelapse_frames: int = 4
 ) -> tuple[Path | None, dict[str, object]]:
     folder.joinpath("plan.json").write_text("written by the journal")
-    with Recorder(folder, *TOLD, {"medium": small_table()}, timelapse_frames) as recorder:
+    journal = Journal.nowhere()
+    with Recorder(folder, *TOLD, {"medium": small_table()}, timelapse_frames, journal.state) as recorder:
         for event in events:
-            recorder.hear(event)
+            journal.tell(recorder.hear(event))
         page = recorder.finish(painting)
     result = folder / "result.json"
     return page, json.loads(result.read_text()) if result.exists() else {}
@@ -98,9 +100,11 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
         "plan.json",
         "index.html",
     }
+    looks |= {f"look-2-{name}.jpg" for name in ("photograph", "expected", "difference")}  # the last look
     assert there == promised | looks | {"strokes.svg", "strokes.csv", "result.json", "sketchbook"}
     names = named(page.read_text())
-    assert names <= there and {"painting.png", "target.jpg", "film.mp4", "palette.png", *looks} <= names
+    assert names <= there
+    assert {"painting.png", "target.jpg", "film.mp4", "palette.png", "look-1-plan.jpg"} <= names
     assert set(result["files"]) == there  # type: ignore[call-overload]
     assert "12 strokes in 3 paints" in page.read_text() and "1 look in between" in page.read_text()
     assert "A cup &lt;of&gt; coffee" in page.read_text() and "300 x 200 mm" in page.read_text()
@@ -180,7 +184,7 @@ def test_without_glimpses_there_is_no_film_and_the_page_does_not_name_one(tmp_pa
 
 def test_an_evening_that_ends_in_an_error_leaves_the_film_so_far(tmp_path: Path) -> None:
     def until_it_fails() -> None:
-        with Recorder(tmp_path, *TOLD, {"medium": small_table()}, 4) as recorder:
+        with Recorder(tmp_path, *TOLD, {"medium": small_table()}, 4, PaintingState()) as recorder:
             for event in an_evening()[:8]:
                 recorder.hear(event)
             raise RuntimeError("the robot caught fire")

@@ -16,7 +16,7 @@ from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import PauseCause, Paused, Planned, Remark
-from frida_painter.session.journal import History
+from frida_painter.session.fold import PaintingState
 from marks import coarse_table
 from support import data
 from support.commandline import run_command
@@ -38,8 +38,8 @@ def put(picture: np.ndarray, path: Path, when: float | None = None) -> None:
     os.utime(path, (time.time() - 5,) * 2)  # it is written no more
 
 
-def told(folder: Path) -> History:
-    return History.of(EventLog.read(folder / "journal"), folder)
+def told(folder: Path) -> PaintingState:
+    return PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 @pytest.fixture
@@ -89,7 +89,7 @@ def test_a_picture_in_the_folder_counts_as_a_look_and_one_of_another_canvas_is_r
     remarks = [event.sentence for event in heard if isinstance(event, Remark)]
     assert len(remarks) == 2 and "a-other.jpg does not count as a look" in remarks[0] and "b-broken.jpg" in remarks[1]
     history = told(folder)
-    assert history.finished and history.looks == 1 and PAUSED <= history.pictured <= PAUSED + 2
+    assert history.finished and history.photographed == 1 and PAUSED <= history.pictured <= PAUSED + 2
     plans = [event for event in heard if isinstance(event, Planned)]
     assert [planned.done for planned in plans][-1] == history.pictured, "the rest was planned again from it"
     page = (folder / "index.html").read_text()

@@ -1,4 +1,4 @@
-"""Plans, stopped paintings, records, journals and settings of 0.3 are read."""
+"""Plans, records and settings of 0.3 are read; a stopped painting is refused."""
 
 import json
 import shutil
@@ -10,19 +10,11 @@ import pytest
 from frida_painter.calibration import Calibration
 from frida_painter.errors import StorageError
 from frida_painter.plan import Plan
+from frida_painter.runs.painting_folder import read_spec
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import upgrade_record
-from frida_painter.session.controls import Controls
-
-TRUE_PHOTOGRAPHS = True
 
 OLDER = Path(__file__).parents[1] / "older"
-
-
-@pytest.fixture
-def stopped(tmp_path: Path) -> Path:
-    """A copy of the painting that was stopped in its fourth stroke of 24."""
-    return Path(shutil.copytree(OLDER / "painting", tmp_path / "painting"))
 
 
 def test_a_plan_is_read() -> None:
@@ -38,28 +30,19 @@ def test_a_calibration_record_is_read() -> None:
     assert Calibration.load(OLDER / "painting" / "calibration.json").brush == told["brush"] == "fine"
 
 
-def test_every_setting_is_kept(stopped: Path) -> None:
-    told = json.loads((stopped / "settings.json").read_text())
-    with PaintingRun.reopen(stopped) as run:
-        kept = run.spec.record()
-    for name, value in upgrade_record(told).items():
-        assert kept[name] == value or name == "pace", name  # a painting is resumed at another pace
+def test_every_setting_is_kept() -> None:
+    told = json.loads((OLDER / "painting" / "settings.json").read_text())
+    kept = read_spec(OLDER / "painting").record()
+    assert {name: kept[name] for name in upgrade_record(told)} == upgrade_record(told)
 
 
-def test_a_stopped_painting_is_resumed_to_its_last_stroke(stopped: Path) -> None:
-    with PaintingRun.reopen(stopped) as run:
-        assert run.history is not None and run.history.painted == 3
-        run.controls = Controls(answer=lambda question: question.proposal)
-        outcome = run.resume()
-    assert outcome.painting is not None and outcome.painting.painted == 24
-    assert (stopped / "painting.png").is_file() and (stopped / "index.html").is_file()
-
-
-def test_a_painting_whose_journal_has_another_version_is_refused_in_one_sentence(stopped: Path) -> None:
-    journal = stopped / "journal"
-    journal.write_bytes(journal.read_bytes().replace(b'"version": 2, "kind"', b'"version": 9, "kind"', 1))
+def test_a_painting_is_refused_in_one_sentence_that_names_the_version_that_can_finish_it(tmp_path: Path) -> None:
+    stopped = Path(shutil.copytree(OLDER / "painting", tmp_path / "painting"))
     before = sorted((path, path.stat().st_size) for path in stopped.rglob("*"))
-    with pytest.raises(StorageError) as refused, PaintingRun.reopen(stopped):
+    with (
+        pytest.raises(StorageError, match=r"finish it with frida-painter 0\.3") as refused,
+        PaintingRun.reopen(stopped),
+    ):
         pass
-    assert str(journal) in str(refused.value) and "\n" not in str(refused.value)
+    assert str(stopped) in str(refused.value) and "\n" not in str(refused.value)
     assert sorted((path, path.stat().st_size) for path in stopped.rglob("*")) == before

@@ -35,7 +35,7 @@ from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
-from frida_painter.session.journal import History
+from frida_painter.session.fold import PaintingState
 from killing import _read_pictures_alone
 from machines.bench import tell_zero
 from machines.grbl import GRBL, QUICK, GrblController
@@ -198,8 +198,8 @@ def kill_in_the_stroke(machine: Machine, work: Callable[[], Any]) -> None:
             pass
 
 
-def told(folder: Path) -> History:
-    return History.of(EventLog.read(folder / "journal"), folder)
+def told(folder: Path) -> PaintingState:
+    return PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 def test_a_hundred_strokes_are_sent_as_planned_and_none_twice_after_a_kill(
@@ -235,7 +235,7 @@ def test_a_hundred_strokes_are_sent_as_planned_and_none_twice_after_a_kill(
     history = told(folder)
     assert history.finished and history.painted == COUNT and history.runs == 2
     assert history.given_up == []
-    assert {planning.digest for planning in history.plannings} == {plan.digest}, "nothing was planned again"
+    assert {planning.plan for planning in history.plannings} == {plan.digest}, "nothing was planned again"
     found = strokes_of(machine.sent(), machine)
     before, again = list(range(KILLED)), list(range(KILLED - 1, COUNT))
     assert len(found) == len(before) + len(again), "every stroke once, and the one in doubt as it was decided"

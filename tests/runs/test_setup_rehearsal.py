@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from frida_painter.hardware.preset import find_preset
-from frida_painter.session.events import Remark
-from frida_painter.session.setup_events import SetupWritten
+from frida_painter.session.events import Remark, ResultFound
 from frida_painter_calibration.machine_setup import SetupEvent
 from machines.ebb import EbbController
 from machines.newcomer import DEEPER, FIFTEEN, Newcomer, check_files, in_this_process, over_canvas, rehearse
@@ -32,7 +31,7 @@ def test_a_newcomer_paints_the_first_stroke_within_fifteen_minutes(
     with in_this_process(monkeypatch, tmp_path, simulated_time):
         rehearse(person, "axidraw", told.append)
     check_files(tmp_path / "easel", "axidraw", touch)
-    assert isinstance(told[-1], SetupWritten) and simulated_time.now - begun <= FIFTEEN
+    assert isinstance(told[-1], ResultFound) and told[-1].what == "setup" and simulated_time.now - begun <= FIFTEEN
     assert any(isinstance(event, Remark) and "minutes after" in event.sentence for event in told)
 
 

@@ -100,7 +100,7 @@ def test_killed_in_its_answer_it_paints_the_rest_of_the_answer(tmp_path: Path) -
     assert outcome.painting is not None and outcome.painting.painted == 4
     assert [paused.done for paused in person.paused] == [4] and Plan.load(tmp_path / "drawn").digest == begun.digest
     adopted = [entry["answers"] for entry in EventLog.read(tmp_path / "drawn/journal") if "answers" in entry]
-    assert True in adopted and kinds(tmp_path / "drawn")[-1] == "finished"
+    assert True in adopted and history_of(tmp_path / "drawn").finished
 
 
 def test_if_nobody_paints_it_waits_and_can_be_resumed(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """What the journal tells while a painting is made, and what is to be learned from it afterwards."""
 
 import json
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from frida_painter.errors import StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
-from frida_painter.session.events import MotionBegan, StrokePainted
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.events import MotionBegan, Paused, StrokePainted
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.journal import Journal, placement_of
 from support.plans import made_up_plan
 from support.session import SessionSetup
 
@@ -24,8 +26,8 @@ def begun(folder: Path) -> Journal:
     return Journal.begin(folder, {"strokes": 6}, RESTS_ON)
 
 
-def read(folder: Path) -> History:
-    return History.of(EventLog.read(folder / "journal"), folder)
+def read(folder: Path) -> PaintingState:
+    return PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) -> None:
@@ -67,7 +69,7 @@ def test_the_plan_in_the_folder_is_the_one_that_is_painted(tmp_path: Path) -> No
 
     def look(event: object) -> bool:
         if isinstance(event, StrokePainted):
-            digests.append((Plan.load(tmp_path).digest, read(tmp_path).plannings[-1].digest))
+            digests.append((Plan.load(tmp_path).digest, read(tmp_path).plannings[-1].plan))
         return False
 
     SessionSetup(6, replans=2, stop_at=look, journal=begun(tmp_path)).run()
@@ -79,9 +81,10 @@ def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
     setup = SessionSetup(6, replans=2, journal=begun(tmp_path))
     setup.run()
     told = read(tmp_path)
-    assert told.plannings[-1].placement == setup.placements[-2], "the last batch was not planned after"
+    placed = placement_of(told.plannings[-1])
+    assert placed == setup.placements[-2], "the last batch was not planned after"
     assert told.light == setup.observer.light.logarithm.tolist()
-    assert told.looks == 5, "the bare canvas, three looks, the last photograph"
+    assert told.photographed == 5, "the bare canvas, three looks, the last photograph"
     kept = [images.load_exactly(tmp_path / str(planning.photograph)) for planning in told.plannings]
     assert all((photograph == 240).all() for photograph in kept)
     seen = setup.observer.see(kept[0], 45)
@@ -97,7 +100,8 @@ def test_at_which_heights_brushes_touch_is_known_again_when_it_is_resumed(tmp_pa
     journal.record_plan(plan, 0, Placement.unknown())
     journal.record_kept_plan(plan, 2, learned)
     journal.close()
-    assert [planning.placement for planning in read(tmp_path).plannings] == [Placement.unknown(), learned]
+    found = [placement_of(planning) for planning in read(tmp_path).plannings]
+    assert found == [Placement.unknown(), learned]
 
 
 @pytest.mark.parametrize("painted", [0, 1, 3, 5])
@@ -106,7 +110,7 @@ def test_a_stop_is_noted_and_is_not_the_end(tmp_path: Path, painted: int) -> Non
     setup.run()
     told = read(tmp_path)
     assert (told.painted, told.in_doubt, told.finished) == (painted, None, False)
-    assert EventLog.read(tmp_path / "journal")[-1]["kind"] == "stopped"
+    assert told.stopped and told.doing == "stopped"
 
 
 def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Path) -> None:
@@ -115,7 +119,7 @@ def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Pat
     journal.close()
     again, told = Journal.reopen(tmp_path)
     assert (told.painted, told.in_doubt) == (0, 1)
-    again.record_resume(told, repaint=True)
+    again.record_resume(repaint=True)
     assert (told.painted, told.in_doubt) == (0, None)
     assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, None)
     again.tell(MotionBegan(("stroke 1",), 1))
@@ -125,10 +129,9 @@ def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Pat
 def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> None:
     journal = begun(tmp_path)
     journal.tell(MotionBegan(("stroke 1",), 1))
-    before = read(tmp_path)
-    journal.record_resume(before, repaint=False)
+    journal.record_resume(repaint=False)
     told = read(tmp_path)
-    assert (before.painted, before.in_doubt, before.given_up) == (1, None, [1])
+    assert journal.state.given_up == [1]
     assert (told.painted, told.in_doubt, told.given_up, told.runs) == (1, None, [1], 2)
 
 
@@ -142,7 +145,7 @@ def test_a_folder_without_a_journal_is_no_painting(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"version": 3}, "version 3; this program reads version 2"),
+        ({"version": 2}, "version 2; this program reads version 3: finish it with frida-painter 0.3"),
         ({"format": "a diary"}, "not a painting's"),
         ({"settings": None, "rests_on": 3, "at": "yesterday"}, "undamaged copy"),
     ],
@@ -179,3 +182,14 @@ def test_the_journal_can_be_read_by_people(tmp_path: Path) -> None:
     begun(tmp_path).close()
     line = (tmp_path / "journal").read_text().splitlines()[0]
     assert json.loads(line.split(" ", 2)[2])["settings"] == {"strokes": 6}
+
+
+def test_what_resuming_needs_is_flushed_and_what_is_only_shown_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    journal, flushed = begun(tmp_path), []
+    monkeypatch.setattr(os, "fsync", flushed.append)
+    journal.show(Paused("You asked."))
+    assert not flushed and journal.state.paused
+    journal.tell(StrokePainted(1, 6))
+    assert len(flushed) == 1 and read(tmp_path).painted == 1

@@ -110,13 +110,14 @@ def test_events_come_in_the_order_in_which_things_happen() -> None:
     setup.run()
     assert setup.kinds(PlanningStep, BrushInHand, Dipped, Scheduled) == [
         *("Planned", "PaintsWanted", "StrokePainted", "StrokePainted", "Looked", "Planned"),
-        *("StrokePainted", "StrokePainted", "Looked"),
+        *("StrokePainted", "StrokePainted", "Looked", "Finished"),
     ]
     assert [event.paint for event in setup.heard if isinstance(event, Dipped)][:1] == [0]
     phases = [(event.phase, event.iteration) for event in setup.heard if isinstance(event, PlanningStep)]
     assert phases == [("plan", 1), ("plan", 2), ("replan", 1)]
     assert [event.done for event in setup.heard if isinstance(event, Looked | Planned)] == [0, 2, 2, 4]
-    assert setup.heard[-1].expected.mean() == pytest.approx(0.998), "what the last two strokes were to make of it"
+    looked = [event for event in setup.heard if isinstance(event, Looked)][-1]
+    assert looked.expected.mean() == pytest.approx(0.998), "what the last two strokes were to make of it"
 
 
 def test_what_is_left_is_planned_again_from_what_was_seen_after_each_batch() -> None:
@@ -299,20 +300,20 @@ def test_between_layers_paint_dries_and_then_the_next_one_is_planned_anew_on_wha
     kinds = setup.kinds(PlanningStep, BrushInHand, Dipped, Scheduled, Drying)
     strokes = ["StrokePainted"] * 2
     layer = ["Looked", "Planned", "LayerBegun", *strokes]
-    assert kinds == ["Planned", "PaintsWanted", "LayerBegun", *strokes, *strokes, *layer, *layer, "Looked"]
+    assert kinds == ["Planned", "PaintsWanted", "LayerBegun", *strokes, *strokes, *layer, *layer, "Looked", "Finished"]
     assert setup.planner.fresh == [True, True] and setup.planner.asked == [4, 2]
     told = [(event.done, event.left) for event in setup.heard if isinstance(event, Drying)]
     assert told[::20] == [(4, DRYING), (4, 0), (6, 60)] and told[-1] == (6, 0)
     assert sum(setup.easel.operator.dried) == 2 * DRYING
 
 
-def test_nobody_is_told_of_drying_that_a_simulation_does_at_once(tmp_path: Path) -> None:
+def test_nobody_waits_for_drying_that_a_simulation_does_at_once(tmp_path: Path) -> None:
     journal = Journal.begin(tmp_path, {}, {})
     setup = layered(replans=1, simulated=True, journal=journal)
     setup.run()
     journal.close()
     noted = [event for line in EventLog.read(tmp_path / "journal") for event in events_of(line)]
-    assert not [event for event in setup.heard if isinstance(event, Drying)]
+    assert journal.state.pace == 0.0 and journal.state.doing != "drying"
     assert {event.pace for event in setup.heard if isinstance(event, Scheduled)} == {0.0}
     assert sum(isinstance(event, Drying) and event.left == 0 for event in noted) == 2
 
@@ -501,7 +502,7 @@ def test_a_canvas_that_was_not_toned_pauses_before_anything_is_planned(
     with pytest.raises(PaintingPaused, match=f"to be {name}, and the canvas shows #ffffff"):
         setup.run()
     assert setup.easel.operator.toned == [ground], "a pale ground is no white paper"
-    assert setup.kinds() == ["GroundWanted", "Paused"] and setup.painted() == []
+    assert setup.kinds() == ["GroundWanted", "Paused", "Stopped"] and setup.painted() == []
 
 
 def test_who_goes_on_all_the_same_paints_on_what_is_there() -> None:

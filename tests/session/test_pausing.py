@@ -12,7 +12,8 @@ from frida_painter.errors import CameraError, PaintingPaused, StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.robot import Frame, MotionReport, Waypoints
 from frida_painter.session.events import Event, Paused, PlanningStep, StrokePainted
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.journal import Journal
 from support.easel import NotingRobot, PatientCamera
 from support.session import SessionSetup
 
@@ -27,8 +28,8 @@ def begun(folder: Path) -> Journal:
     return Journal.begin(folder, {}, {})
 
 
-def told(folder: Path) -> History:
-    return History.of(EventLog.read(folder / "journal"), folder)
+def told(folder: Path) -> PaintingState:
+    return PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 def pauses(setup: SessionSetup) -> list[Paused]:
@@ -66,7 +67,7 @@ def test_a_pause_while_planning_is_heeded_at_the_next_step_and_planning_goes_on(
 def test_a_pause_that_nobody_ends_ends_the_painting_resumably(tmp_path: Path) -> None:
     """Fault F11: a pause while planning or within a stroke."""
     setup = SessionSetup(9, pause_at=after(4), journal=begun(tmp_path))
-    with pytest.raises(PaintingPaused, match=r"You asked for a pause\. The painting has paused after 4 strokes"):
+    with pytest.raises(PaintingPaused, match=r"You asked for a pause: .* The painting has paused after 4 strokes"):
         setup.run()
     assert (told(tmp_path).painted, told(tmp_path).in_doubt, told(tmp_path).finished) == (4, None, False)
     assert setup.robot.labels()[-3:] == ["rinse", "wipe", "home"]
@@ -131,7 +132,7 @@ def test_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
     setup.session.journal.close()
     journal, history = Journal.reopen(tmp_path)
     assert (history.painted, history.in_doubt) == (3, None)
-    journal.record_resume(history, repaint=False)
+    journal.record_resume(repaint=False)
 
 
 def test_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path) -> None:

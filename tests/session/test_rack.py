@@ -16,7 +16,8 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import BrushRack
 from frida_painter.session.choreography import BrushLoad, Choreography, reckon
 from frida_painter.session.events import BrushInHand, LayerBegun, Stopped
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.journal import Journal
 from frida_painter.session.progress import ResumeState
 from frida_painter.session.rehearsal import rehearse
 from support.easel import CALIBRATION, WORKSPACE
@@ -37,9 +38,9 @@ def changes(painted: SessionSetup) -> list[str]:
     return [label for label in painted.robot.labels() if "brush" in label]
 
 
-def journal_of(folder: Path) -> tuple[History, list[dict[str, Any]]]:
+def journal_of(folder: Path) -> tuple[PaintingState, list[dict[str, Any]]]:
     records = EventLog.read(folder / "journal")
-    return History.of(records, folder), records
+    return PaintingState.of_journal(records, folder), records
 
 
 def test_a_brush_is_drawn_out_of_its_fork_and_put_back_on_the_same_way() -> None:

@@ -14,11 +14,11 @@ from frida_painter.brush.weights import load_models_of
 from frida_painter.errors import PlanError
 from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
-from frida_painter.planning.placement import Placement
 from frida_painter.session import resuming
 from frida_painter.session.choreography import Action
-from frida_painter.session.events import Dipped, PlanAdopted, StrokeLeftOut, StrokePainted
-from frida_painter.session.journal import History, Journal, Planning
+from frida_painter.session.events import Dipped, Event, PlanAdopted, StrokeLeftOut, StrokePainted
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.open_loop import bare_paper, paint_on_paper
 from frida_painter.session.progress import PaintingProgress, ResumeState
 from killing import began, ended, kill_when
@@ -62,20 +62,20 @@ def strokes_of(folder: Path) -> list[int]:
     return told
 
 
-def killed(world: VirtualPainting, folder: Path, moment: Callable[[dict[str, Any]], bool]) -> History:
+def killed(world: VirtualPainting, folder: Path, moment: Callable[[dict[str, Any]], bool]) -> PaintingState:
     kill_when(folder / "journal", moment, lambda: world.paint(folder))
-    return History.of(EventLog.read(folder / "journal"), folder)
+    return PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 def resumed(world: VirtualPainting, folder: Path, *, repaint: bool = False) -> Tensor:
     """The canvas after resuming; every stroke was painted once, but for the one in doubt."""
-    before = History.of(EventLog.read(folder / "journal"), folder)
+    before = PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
     painting, studio, _ = world.resume(folder, repaint=repaint)
     wanted = list(range(1, STROKES + 1))
     if before.in_doubt is not None and not repaint:
         wanted[before.in_doubt - 1] *= -1
     assert strokes_of(folder) == wanted and painting.painted == STROKES
-    assert History.of(EventLog.read(folder / "journal"), folder).finished
+    assert PaintingState.of_journal(EventLog.read(folder / "journal"), folder).finished
     return studio.truth(180)
 
 
@@ -95,8 +95,8 @@ def off(canvas: Tensor, undisturbed: Undisturbed, but_for: int | None = None) ->
 def test_strokes_that_were_given_up_are_not_on_the_expected_canvas(tmp_path: Path) -> None:
     plan = made_up_plan(6)
     models = load_models_of(plan)
-    kept = resuming.KeptPlan(plan, Planning(plan.digest, 3, None, Placement.unknown()), foreign=False)
-    history = History({}, {}, painted=6, given_up=[2, 5])
+    kept = resuming.KeptPlan(plan, PlanAdopted(plan.digest, 3, None, (0.0, 0.0, 0.0), ()))
+    history = PaintingState(painted=6, given_up=[2, 5])
     before, now = resuming.resume_open_loop(tmp_path, kept, 6, history.left_out, models)
     bare = bare_paper(plan.canvas, plan.ground)
     assert torch.equal(before, paint_on_paper(plan.part([0, 2]), models, bare))
@@ -146,12 +146,15 @@ class Moments(Journal):
         super().begins(action, plan)
         self._keep_copy("began", action.done)
 
-    def ends(self, done: Dipped | StrokePainted | StrokeLeftOut) -> None:
-        self._keep_copy("painted", done)
-        super().ends(done)
-        self._keep_copy("ended", done)
+    def tell(self, event: Event) -> None:
+        is_end = isinstance(event, Dipped | StrokePainted | StrokeLeftOut)
+        if is_end:
+            self._keep_copy("painted", event)
+        super().tell(event)
+        if is_end:
+            self._keep_copy("ended", event)
 
-    def _keep_copy(self, moment: str, done: Dipped | StrokePainted | StrokeLeftOut) -> None:
+    def _keep_copy(self, moment: str, done: Event) -> None:
         assert self._book is not None
         if isinstance(done, StrokePainted):
             self._stroke = done.done
@@ -200,7 +203,7 @@ def test_killed_twice_it_is_still_the_same_painting(
     kill_when(tmp_path / "journal", ended(9), lambda: world.resume(tmp_path))
     canvas = resumed(world, tmp_path)
     assert off(canvas, undisturbed) < CLEANED
-    assert History.of(EventLog.read(tmp_path / "journal"), tmp_path).runs == 3
+    assert PaintingState.of_journal(EventLog.read(tmp_path / "journal"), tmp_path).runs == 3
 
 
 def test_killed_while_planning_nothing_is_lost_but_the_planning(
@@ -219,7 +222,7 @@ def test_killed_before_a_new_plan_was_written_the_old_one_holds(
     journal, history = Journal.reopen(tmp_path)
     kept = resuming.load_kept_plan(tmp_path, history)
     assert kept is not None and not kept.foreign
-    placement = kept.planning.placement
+    placement = placement_of(kept.planning)
     journal.tell(PlanAdopted("f" * 64, 4, None, placement.error, placement.information))
     journal.close()
     _, history = reread(tmp_path)
@@ -228,8 +231,8 @@ def test_killed_before_a_new_plan_was_written_the_old_one_holds(
     assert off(resumed(world, tmp_path), undisturbed) < CLEANED
 
 
-def reread(folder: Path) -> tuple[None, History]:
-    return None, History.of(EventLog.read(folder / "journal"), folder)
+def reread(folder: Path) -> tuple[None, PaintingState]:
+    return None, PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
 
 
 def test_without_the_photograph_of_its_batch_a_painting_goes_on_as_well(
@@ -276,7 +279,8 @@ def test_photographs_that_are_not_as_they_were_taken_are_told(world: VirtualPain
 
 def test_changed_settings_and_files_are_told_one_by_one(tmp_path: Path) -> None:
     """Fault F33: the plan or the settings were changed before resuming."""
-    history = History({"strokes": 12, "effort": 1.0, "old": 1}, {"goal": "a" * 64, "brush": "none"})
+    settings = {"strokes": 12, "effort": 1.0, "old": 1}
+    history = PaintingState(settings=settings, rests_on={"goal": "a" * 64, "brush": "none"})
     told = resuming.changes(
         tmp_path, history, {"strokes": 12, "effort": 2.0, "new": None}, {"goal": "b" * 64, "brush": "gone"}, None
     )

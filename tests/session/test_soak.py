@@ -22,8 +22,9 @@ from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import Event, Planned, StrokePainted
+from frida_painter.session.fold import PaintingState
 from frida_painter.session.hand import Hand
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.replan_policy import EvenlySpaced
@@ -108,7 +109,7 @@ def soak(folder: Path, strokes: int, replans: int, growth: float) -> None:
     painting = session.run(strokes, PAINTS, made_up(model, strokes))
     assert painting.painted == strokes and gauge.strokes == list(range(1, strokes + 1))
     assert gauge.plans == 1 + replans
-    history = History.of(EventLog.read(folder / "journal"), folder)
+    history = PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
     assert history.finished and history.painted == strokes and len(history.plannings) == 1 + replans
     half, last = len(gauge.memory) // 2, 3 * len(gauge.memory) // 4
     # What is taken for a moment and given back comes and goes; what stays is the least of each quarter.

@@ -208,6 +208,7 @@ class SessionSetup:
 
     def _hear(self, event: Event) -> None:
         self.heard.append(event)
+        self.journal.show(event)  # as the engine does
         self.stopping = self.stopping or self.stop_at(event)
         self.pausing = self.pausing or self.pause_at(event)
 

@@ -21,8 +21,9 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session import resuming
 from frida_painter.session.events import Event, Paused
+from frida_painter.session.fold import PaintingState
 from frida_painter.session.hand import Hand
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting, ResumeState
@@ -69,7 +70,7 @@ class VirtualPainting:
         self,
         folder: Path,
         journal: Journal,
-        history: History | None = None,
+        history: PaintingState | None = None,
         *,
         seed: int = 0,
         faults: Faults = NO_FAULTS,
@@ -84,7 +85,7 @@ class VirtualPainting:
         # Short dips, so that it matters little that a brush was cleaned and dipped anew after a crash.
         hand = Hand(easel, replace(brush_kind("fine"), known_dip=Dip(2.6e-4)))
         if kept:
-            hand.learn(kept.planning.placement)
+            hand.learn(placement_of(kept.planning))
         session = PaintingSession(
             self.planner,
             hand,
@@ -124,11 +125,11 @@ class VirtualPainting:
         pauses = {seed: self.pauses(folder / str(seed), NO_FAULTS, seed, plan) for seed in seeds}
         return {seed: found for seed, found in pauses.items() if found}
 
-    def resume(self, folder: Path, *, repaint: bool = False) -> tuple[Painting, VirtualStudio, History]:
+    def resume(self, folder: Path, *, repaint: bool = False) -> tuple[Painting, VirtualStudio, PaintingState]:
         journal, history = Journal.reopen(folder)
         session, studio = self.session(folder, journal, history)
         now = session.look()
-        journal.record_resume(history, repaint=repaint)
+        journal.record_resume(repaint=repaint)
         kept = resuming.load_kept_plan(folder, history)
         if kept is None:
             painting = session.run(STROKES, 3)

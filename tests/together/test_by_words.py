@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,7 +16,8 @@ from frida_painter.cli.options import ask_at_terminal, read_line, require_propos
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import EventLog
 from frida_painter.session.events import Event, Paused, StrokePainted
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.journal import Journal
 from frida_painter_together import proposing
 from frida_painter_together.proposing import Proposer
 from support.planning import picture
@@ -31,7 +33,7 @@ class Terminal:
     folder: Path
     lines: list[str]
     maker: str = WAVE
-    history: History | None = None
+    history: PaintingState | None = None
     asked: list[str] = field(default_factory=list)
 
     def ask(self, prompt: str) -> str:
@@ -41,11 +43,13 @@ class Terminal:
         return self.lines.pop(0)
 
     def paint(self, journal: Journal) -> SessionSetup:
+        known = copy(self.history)  # it goes on with the journal
+
         def pause_at(event: Event) -> bool:
             return isinstance(event, StrokePainted) and event.done == 2
 
         def go_on(paused: Paused) -> bool:
-            run = SimpleNamespace(session=setup.session, folder=self.folder, history=self.history)
+            run = SimpleNamespace(session=setup.session, folder=self.folder, history=known)
             Proposer(run, self.maker, lambda: False, self.ask, lambda question: True).talk()  # type: ignore[arg-type]
             return True
 

@@ -20,10 +20,10 @@ from frida_painter.hardware.easel import PersonStroke
 from frida_painter.plan import Plan
 from frida_painter.session import resuming
 from frida_painter.session.controls import Controls
-from frida_painter.session.events import Event, PauseCause, Paused, Planned, TimelapseFrame
-from frida_painter.session.journal import History, Journal
+from frida_painter.session.events import Event, PauseCause, Paused, PersonStrokePainted, Planned, TimelapseFrame
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.person_events import PersonStrokePainted
 from frida_painter.session.progress import ResumeState
 from frida_painter_together.policies import TurnTaken, find_turn_policy
 from frida_painter_together.turns import PenStroke, thin
@@ -120,7 +120,11 @@ class Together:
             session().person.answer(self.answer)
             return True
 
-        return {"controls": Controls(pause_cause=pause_cause, go_on=go_on), "notify": self.heard.append}
+        def hear(event: Event) -> None:
+            self.heard.append(event)
+            session().journal.show(event)
+
+        return {"controls": Controls(pause_cause=pause_cause, go_on=go_on), "notify": hear}
 
 
 def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_killed(
@@ -141,7 +145,7 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     near = np.minimum(abs(rows / len(turn.painted) - 0.3), abs(rows / len(turn.painted) - 0.6))
     assert len(rows) > 500 and (near < 0.1).mean() > 0.95, "only the person's paint is found between the two looks"
     journal = list(EventLog.read(tmp_path / "whole/journal"))
-    history = History.of(journal, tmp_path)
+    history = PaintingState.of_journal(journal, tmp_path)
     assert history.finished and len(history.person) == 2 and history.person_in_doubt is None
     looked = [record["kind"] for record in journal]
     assert "photographed" in looked[looked.index("paused") : looked.index("person_stroke_began")]

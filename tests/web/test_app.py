@@ -20,11 +20,11 @@ import frida_painter_studio as web
 from frida_painter import registry
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
-from frida_painter.session.events import PaintingKept, Stopped, TakenUp
+from frida_painter.session.events import ResultFound, Stopped, StrokePainted
+from frida_painter.session.journal import Journal
 from frida_painter_studio.commands import Role
 from frida_painter_studio.routes import SentFile, zip_folder
 from frida_painter_studio.store import Entry
-from frida_painter_studio.studio_folder import Feed
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import PaintingQueue, Workers, WorkerSlot
 from plugins import install
@@ -329,8 +329,9 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     path = f"/api/paintings/{entry.id}"
     assert "nothing to go on with" in visitor.post(f"{path}/resume").json()["sentence"]
     start_painting(visitor, entry)
-    feed = Feed(entry.folder)
-    feed.tell(Stopped(2))
+    (entry.folder.painting / "journal").unlink()
+    journal = Journal.begin(entry.folder.painting, {}, {})
+    journal.show(Stopped(2))
     for file in (entry.folder.stop, entry.folder.robot_stop):
         file.touch()
     # Earlier versions latched simulated robots as well; that holds no more.
@@ -338,10 +339,11 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     assert visitor.post(f"{path}/resume").status_code == 200
     assert started[-1] == ("resume", 1)
     assert not entry.folder.stop.exists() and not entry.folder.robot_stop.exists()
-    feed.tell(TakenUp(2))
     with locked(entry.folder):
         assert visitor.get(path).json()["painting"]["status"] == "preparing"
-        feed.tell(PaintingKept(film=False))
+        journal.record_resume(repaint=True)
+        journal.show(ResultFound("results", detail={"film": False}))
+        journal.close()
     assert "finished" in visitor.post(f"{path}/resume").json()["sentence"]
 
 
@@ -604,3 +606,28 @@ def test_a_drawing_without_a_goal_takes_nothing_that_only_a_goal_can_use(
     words = [{"kind": "text", "words": "a cup"}]
     for more in ({"brushes": "fine,medium"}, {"minutes": 20}, {"strokes_of": "comma"}, {"terms": words}):
         assert visitor.post("/api/paintings", json={"together": True, **more}).status_code == 422, more
+
+
+def test_a_painting_of_the_terminal_is_watched_paused_and_stopped_and_nothing_else(
+    studio: Studio, visitor: Visitor
+) -> None:
+    folder = studio.store.root / "cup-20260101-120000"
+    (folder / "goal").mkdir(parents=True)
+    journal = Journal.begin(folder, {"strokes": 4, "canvas": "120x90mm"}, {})
+    journal.tell(StrokePainted(1, 4))
+    (card,) = visitor.get("/api/paintings").json()
+    assert (card["title"], card["stage"], card["working"]) == (folder.name, "painting", True)
+    path = f"/api/paintings/{card['id']}"
+    assert visitor.get(path).json()["painting"]["done"] == 1 and visitor.get("/api/work").json()["moves"]
+    for command, paused in (("pause", True), ("go on", False)):
+        assert visitor.post(f"{path}/say", json={"kind": command}).status_code == 200
+        assert (folder / "pause").exists() is paused
+    assert "watched, paused and stopped" in visitor.post(f"{path}/say", json={"kind": "look"}).json()["sentence"]
+    assert "frida-painter resume" in visitor.post(f"{path}/resume").json()["sentence"]
+    (studio.store.pictures / f"{PICTURE}.png").write_bytes(b"")
+    assert visitor.post(f"{path}/plans", json=painting_request()).status_code == 409
+    assert visitor.post("/api/stop").status_code == 200 and (folder / "stop").exists()
+    journal.show(Stopped(1))
+    journal.close()
+    assert visitor.get(path).json()["stage"] == "stopped" and not visitor.get(path).json()["resumable"]
+    assert visitor.post(f"{path}/delete").status_code != 200 and (folder / "journal").exists()

@@ -11,8 +11,6 @@ import pytest
 from frida_painter import calibration
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.session import events
-from frida_painter.session.making_events import MakingStarted
-from frida_painter.session.setup_events import SetupLeft, SetupStarted, SetupStepBegan
 from frida_painter_calibration.procedures.workspace import STEPS
 from frida_painter_studio.commands import Role
 from frida_painter_studio.jobs import (
@@ -171,10 +169,10 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
 
 
 BEGUN: list[tuple[type[JobState], Any]] = [
-    (CalibrationJob, events.CalibrationStarted(["canvas"])),
-    (Setup, SetupStarted()),
-    (Teaching, events.TeachingStarted("hook")),
-    (Imagining, MakingStarted("a hat", "command: true")),
+    (CalibrationJob, events.Began("calibration", detail={"what": ["canvas"]})),
+    (Setup, events.Began("setup")),
+    (Teaching, events.Began("teaching", "hook")),
+    (Imagining, events.Began("imagining", detail={"words": "a hat", "maker": "command: true"})),
 ]
 
 
@@ -202,16 +200,16 @@ def test_a_calibration_tells_what_each_procedure_found() -> None:
     state = CalibrationJob()
     stands = [{"name": "robot", "dated": "d", "fault": "f", "old": True}]
     for event in (
-        events.CalibrationStarted(["canvas", "robot"]),
-        events.CalibrationStatus("e", stands),
-        events.ProcedureBegan("canvas"),
+        events.Began("calibration", detail={"what": ["canvas", "robot"]}),
+        *(events.ResultFound("status", each["name"], detail={"easel": "e", **each}) for each in stands),
+        events.Began("procedure", "canvas"),
         events.Asked(QUESTION),
         events.Answered(),
-        events.ProcedureFound("canvas", "It is there.", "found-canvas.png"),
-        events.ProcedureBegan("robot"),
-        events.ProcedureProgress("dot 3"),
-        events.ProcedureBegan("?"),
-        events.ProcedureFound("?", "Not one of ours."),
+        events.ResultFound("procedure", "canvas", detail={"sentence": "It is there.", "picture": "found-canvas.png"}),
+        events.Began("procedure", "robot"),
+        events.Advanced("dot 3"),
+        events.Began("procedure", "?"),
+        events.ResultFound("procedure", "?", detail={"sentence": "Not one of ours."}),
     ):
         state.hear(event)
     shown = state.to_plain(Truth(working=True))
@@ -227,11 +225,12 @@ def test_a_calibration_tells_what_each_procedure_found() -> None:
 
 def test_a_setup_tells_its_step_and_that_it_was_left() -> None:
     state = Setup()
-    for event in (SetupStarted(), SetupStepBegan("touch"), events.Remark("Not so deep."), events.Asked(GUIDE)):
+    begun = events.Began("setup"), events.Began("step", "touch")
+    for event in (*begun, events.Remark("Not so deep."), events.Asked(GUIDE)):
         state.hear(event)
     shown = state.to_plain(Truth(working=True))
     assert (shown["step"], shown["remarks"], shown["question"]) == ("touch", ["Not so deep."], GUIDE)
-    state.hear(SetupLeft("You left."))
+    state.hear(events.ResultFound("left", "You left."))
     left = state.to_plain(Truth(working=False))
     assert left["left"] == "You left." and left["trouble"] == ""
 

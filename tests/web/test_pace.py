@@ -6,14 +6,13 @@ import pytest
 
 from frida_painter.event_log import FEED, EventLog
 from frida_painter_studio.pace import find_pace
-from frida_painter_studio.painting_state import PaintingState
+from frida_painter_studio.painting_state import PaintingPage
+from frida_painter_studio.state import FeedStates
 from frida_painter_studio.store import PaintingStore
-from frida_painter_studio.studio_folder import FeedReader
 
-MADE = {"nearer": 0.5, "prefix": "", "frames": [0, 20], "palette": [], "mixtures": []}
 PLANNED: list[dict[str, Any]] = [
-    {"kind": "plan_requested", "at": 0.0, "plan": 1, "wish": {"effort": 0.5}},
-    {"kind": "plan_made", "at": 0.0, "plan": 1, "strokes": 20, "seconds": 34.0, **MADE},
+    {"kind": "began", "at": 0.0, "what": "plan", "plan": 1, "detail": {"effort": 0.5}},
+    {"kind": "result_found", "at": 0.0, "what": "plan", "plan": 1, "detail": {"strokes": 20, "seconds": 34.0}},
 ]
 
 
@@ -22,21 +21,24 @@ def store(tmp_path: Path) -> PaintingStore:
     return PaintingStore(tmp_path)
 
 
+OF_FEED = ("began", "result_found", "asked")
+
+
 def write(store: PaintingStore, *lines: dict[str, Any]) -> None:
-    writer = EventLog(store.begin("A").folder.feed, FEED)
-    for line in lines:
-        at = line["at"]
-        writer.append({**line, "at": at if isinstance(at, str) else datetime.fromtimestamp(at, UTC).isoformat()})
-    writer.close()
+    folder = store.begin("A").folder
+    folder.painting.mkdir()
+    for path, ours in ((folder.feed, True), (folder.painting / "journal", False)):
+        with EventLog(path, FEED) as log:
+            for line in lines:
+                at = line["at"]
+                if (line["kind"] in OF_FEED) == ours:
+                    when = at if isinstance(at, str) else datetime.fromtimestamp(at, UTC).isoformat()
+                    log.append({**line, "at": when})
 
 
 def pace(store: PaintingStore, *, real_time: bool) -> dict[str, float]:
-    times = []
-    for entry in store.all():
-        state = PaintingState()
-        for event, at in FeedReader(entry.folder.feed).read_with_times():
-            state.hear(event, at)
-        times.append(state.times)
+    states = FeedStates()
+    times = [states.view(entry.folder, PaintingPage, lambda page, truth: page.times) for entry in store.all()]
     return find_pace(times, real_time=real_time)
 
 
@@ -50,29 +52,38 @@ def strokes(first: int, last: int, since: float, each: float) -> list[dict[str, 
 
 def look(at: float, done: int, until: float) -> list[dict[str, Any]]:
     """A look after `done` strokes, and the rest replanned until then."""
-    seen = {"kind": "look_shown", "at": at, "done": done, "seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
-    return [seen, {"kind": "rest_replanned", "at": until, "done": done, "gain": 0.1, **MADE, "strokes": 20 - done}]
+    planned = {"kind": "planned", "at": until, "done": done, "strokes": 20 - done, "loss_before": 1, "loss_after": 0.9}
+    return [{"kind": "looked", "at": at, "done": done}, planned]
 
 
 def test_the_pace_is_that_of_the_last_painting(store: PaintingStore) -> None:
     guessed = pace(store, real_time=False)
     assert pace(store, real_time=True)["painting"] > guessed["painting"] and not guessed["known"]
-    begun = {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20}
+    begun = {"kind": "began", "at": 100.0, "what": "paint", "plan": 1}
     write(store, *PLANNED, begun, *strokes(1, 10, 107.0, 2.0), *look(130.0, 10, 140.0), *strokes(11, 20, 140.0, 2.0))
     found = pace(store, real_time=False)
     assert found == {"loading": 4.0, "planning": 3.0, "opening": 9.0, "painting": 2.0, "replanning": 2.0, "known": True}
-    write(store, {"kind": "plan_made", "at": "yesterday"})
+    write(store, {"kind": "result_found", "what": "plan", "at": "yesterday"})
     assert pace(store, real_time=False) == found
 
 
 def test_pauses_and_stops_are_not_counted_and_what_was_painted_around_them_is(store: PaintingStore) -> None:
-    begun = {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20}
+    begun = {"kind": "began", "at": 100.0, "what": "paint", "plan": 1}
     paused = [{"kind": "paused", "at": 117.0, "reason": "You asked for a pause."}, {"kind": "went_on", "at": 900.0}]
-    stopped = [{"kind": "stopped", "at": 913.0, "done": 12}, {"kind": "taken_up", "at": 5000.0, "done": 12}]
+    stopped = [{"kind": "stopped", "at": 913.0, "done": 12}, {"kind": "session_resumed", "at": 5000.0, "done": 12}]
     parts = strokes(1, 6, 104.0, 2.0), paused, strokes(7, 12, 900.0, 2.0), stopped, strokes(13, 20, 5030.0, 2.0)
     write(store, *PLANNED, begun, *(line for part in parts for line in part))
     found = pace(store, real_time=False)
     assert (found["opening"], found["painting"], found["known"]) == (6.0, 2.0, True)
+
+
+@pytest.mark.parametrize(("asked", "opening"), [(102.0, 15.0), (120.0, 6.0)])
+def test_a_start_in_which_a_person_was_asked_tells_nothing_of_the_easel(
+    store: PaintingStore, asked: float, opening: float
+) -> None:
+    begun = {"kind": "began", "at": 100.0, "what": "paint", "plan": 1}
+    write(store, *PLANNED, begun, {"kind": "asked", "at": asked, "question": {}}, *strokes(1, 6, 104.0, 2.0))
+    assert pace(store, real_time=False)["opening"] == opening
 
 
 def test_one_slow_painting_does_not_change_what_is_expected_of_the_next(store: PaintingStore) -> None:
@@ -80,7 +91,7 @@ def test_one_slow_painting_does_not_change_what_is_expected_of_the_next(store: P
         write(
             store,
             *PLANNED,
-            {"kind": "painting_started", "at": 100.0, "plan": 1, "of": 20},
+            {"kind": "began", "at": 100.0, "what": "paint", "plan": 1},
             *strokes(1, 20, 100.0, each),
         )
     assert pace(store, real_time=False)["painting"] == pytest.approx(1.2)

@@ -20,9 +20,9 @@ from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.painting_folder import read_goal
-from frida_painter.session import events, making_events, person_events, resuming
+from frida_painter.session import events, resuming
 from frida_painter.session.controls import Controls
-from frida_painter.session.events import Event, PauseCause, Written, kind_of
+from frida_painter.session.events import Durable, Event, PauseCause, kind_of
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import ResumeState
 from frida_painter_studio.commands import (
@@ -44,7 +44,7 @@ from frida_painter_studio.commands import (
 from frida_painter_studio.painter import PauseController
 from frida_painter_studio.picture_choosing import AllowedMakers, MakingOrder
 from frida_painter_studio.stop import StopPressed, StopWatch
-from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest
+from frida_painter_studio.studio_folder import PaintingFolder, PaintingRequest
 from killing import kill_when
 from support.boat import BOAT
 from support.planning import CANVAS, goal, picture, plain, small_table
@@ -76,9 +76,8 @@ class Table:
         began: float = 0.0,
     ) -> None:
         self.folder = folder
-        self.feed = Feed(folder)
         self.stop = StopWatch(folder.stop, folder.path.parent)
-        self.controller = PauseController(folder, self.feed, self.stop, began)
+        self.controller = PauseController(folder, lambda event: self.setup._hear(event), self.stop, began)
         self.setup = SessionSetup(
             strokes,
             replans=0,
@@ -94,7 +93,7 @@ class Table:
         deadline.start()
 
     def told(self, kind: type[Told]) -> list[Told]:
-        return [event for event in FeedReader(self.folder.feed).read() if isinstance(event, kind)]
+        return [event for event in self.setup.heard if isinstance(event, kind)]
 
     def _pauses(self, after: int) -> Any:
         def pause_at(event: Event) -> bool:
@@ -118,8 +117,8 @@ def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Painti
     table = Table(folder, 8)
     table.says = [LOOK, LeaveOut(3), PAUSE, GO_ON]
     assert table.setup.run().painted == 5
-    assert len(table.told(events.Paused)) == 4 and len(table.told(events.WentOn)) == 1
-    assert "let it look" in table.told(events.Paused)[0].reason
+    (paused,) = table.told(events.Paused)
+    assert "arm aside" in paused.reason and len(table.told(events.WentOn)) == 1
 
 
 def test_turns_are_taken(folder: PaintingFolder) -> None:
@@ -139,20 +138,10 @@ def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder)
     assert table.setup.run().painted == 4
     sentences = [event.sentence for event in table.told(events.Remark)]
     assert "Nothing was drawn" in sentences[0] and len(sentences) == 3
-    assert not any(str(folder.path) in sentence for sentence in sentences)
-
-
-def test_why_it_has_paused_is_told_without_a_path(folder: PaintingFolder) -> None:
-    feed = Feed(folder)
-    controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
-    tell_worker(folder, GO_ON, "browser")
-    assert controller.go_on(events.Paused(f"{folder.painting}/journal cannot be written; make room.", 3))
-    reasons = [event.reason for event in FeedReader(folder.feed).read() if isinstance(event, events.Paused)]
-    assert reasons == ["its folder/painting/journal cannot be written; make room."]
 
 
 def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFolder) -> None:
-    controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
+    controller = Table(folder, 4).controller
     for command in (TakeTurns(5), PAUSE, GO_ON):
         tell_worker(folder, command, "browser")
     while (cause := controller.pause_cause()) is None:
@@ -180,14 +169,14 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder) -> 
     after = table.setup.session.planner
     assert after is not planner and after.region is not None and planner.region is None
     assert after.goal.terms[0].weight == 2
-    (told,) = table.told(person_events.RegionProtected)
+    (told,) = table.told(events.RegionProtected)
     assert (told.region, told.only) == ("regions/1.png", False)
     assert told.picture is not None and folder.find_shown("live", told.picture) is not None
     history = Journal.reopen(folder.painting)[1]
     kept_region = resuming.region(folder.painting, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
     assert read_goal(folder.painting / history.goal)["goal"][0]["weight"] == 2
-    assert table.told(person_events.GoalChanged)[0].wish["terms"][0]["weight"] == 2
+    assert table.told(events.GoalChanged)[0].wish["terms"][0]["weight"] == 2
     assert sum(isinstance(event, events.Planned) for event in table.setup.heard) >= 3
 
 
@@ -233,7 +222,7 @@ def _ask_maker(*commands: Command) -> Callable[[PaintingFolder], None]:
 
 
 def _proposals(table: Table) -> list[dict[str, Any]]:
-    return [one for made in table.told(making_events.PicturesMade)[-1:] for one in made.pictures]
+    return [one for made in table.told(events.PicturesMade)[-1:] for one in made.pictures]
 
 
 def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: PaintingFolder) -> None:
@@ -244,8 +233,7 @@ def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: Pai
     table.says = [order(folder, command), GO_ON]
     assert table.setup.run().painted == 6
     table.setup.session.journal.close()
-    assert table.told(making_events.MakingStarted) == [making_events.MakingStarted("add a boat", "boats")]
-    (made,) = table.told(making_events.PicturesMade)
+    (made,) = table.told(events.PicturesMade)
     canvas = images.load(folder.painting / "changes" / "1" / "canvas.png")
     for one in made.pictures:
         boat = images.load(folder.painting / one["file"])
@@ -275,8 +263,8 @@ def test_a_maker_that_fails_is_one_sentence_and_the_painting_keeps_its_goal(
     table.says = [order(folder, command, minutes=0.02 if "sleep" in command else 1.0), GO_ON]
     assert table.setup.run().painted == 4
     (remark,) = (event.sentence for event in table.told(events.Remark))
-    assert says in remark and "\n" not in remark and str(folder.path) not in remark
-    assert not table.told(making_events.PicturesMade) and not table.told(person_events.GoalChanged)
+    assert says in remark and "\n" not in remark
+    assert not table.told(events.PicturesMade) and not table.told(events.GoalChanged)
     assert not list((folder.painting / "changes").glob("*/*"))
 
 
@@ -293,19 +281,19 @@ NEW_GOAL = ChangeGoal(PaintingRequest.model_validate({"terms": [{"kind": "image"
 REGION = Protect(DRAWING, only=False)
 Asked = tuple[Callable[[PaintingFolder], None], str, int, Callable[[Table, list[Path]], bool]]
 SAID_TO_BE_DONE: dict[str, Asked] = {
-    "goal": (_ask(NEW_GOAL), "considering", 1, lambda table, seen: _weight(table) == 2),
+    "goal": (_ask(NEW_GOAL), "request_taken", 1, lambda table, seen: _weight(table) == 2),
     "protect, told": (_ask(REGION), "region_protected", 1, lambda table, seen: not _touch(table)),
-    "free": (_ask(REGION, FREE), "considering", 2, lambda table, seen: table.setup.session.planner.region is None),
-    "turns": (_ask(TakeTurns(1)), "turns", 1, lambda table, seen: table.controller._game == TakeTurns(1)),
-    "picture": (_ask(GivePicture(PICTURE)), "considering", 1, lambda table, seen: len(seen) == 1),
-    "propose, while it makes": (_ask_maker(), "making_started", 1, lambda table, seen: len(_proposals(table)) == 4),
-    "propose, made": (_ask_maker(), "pictures_made", 1, lambda table, seen: _count_makings(table) == (2, 1)),
+    "free": (_ask(REGION, FREE), "request_taken", 2, lambda table, seen: table.setup.session.planner.region is None),
+    "turns": (_ask(TakeTurns(1)), "turns", 1, lambda table, seen: table.controller._game == events.Turns(1)),
+    "picture": (_ask(GivePicture(PICTURE)), "request_taken", 1, lambda table, seen: len(seen) == 1),
+    "propose, while it makes": (_ask_maker(), "request_taken", 1, lambda table, seen: len(_proposals(table)) == 4),
+    "propose, made": (_ask_maker(), "pictures_made", 1, lambda table, seen: _waits_for_a_choice(table)),
     "propose, chosen": (_ask_maker(NEW_GOAL), "goal_changed", 1, lambda table, seen: _weight(table) == 2),
 }  # fmt: skip
 
 
-def _count_makings(table: Table) -> tuple[int, int]:
-    return len(table.told(making_events.PicturesMade)), len(table.told(making_events.MakingStarted))
+def _waits_for_a_choice(table: Table) -> bool:
+    return not table.told(events.PicturesMade) and len(table.told(events.Paused)) == 1
 
 
 def _weight(table: Table) -> float:
@@ -336,23 +324,23 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
         return record["kind"] == moment
 
     def is_said() -> None:
-        tell = Feed.tell
+        tell = Journal.tell
 
-        def tell_and_die(feed: Feed, event: Written) -> None:
+        def tell_and_die(journal: Journal, event: Durable) -> None:
             nonlocal count
-            tell(feed, event)
-            count += kind_of(type(event)) == moment
+            tell(journal, event)
+            count += kind_of(type(event)) == moment and event != events.RequestTaken({})
             if count == times:
                 os.kill(os.getpid(), signal.SIGKILL)
 
-        Feed.tell = tell_and_die  # type: ignore[method-assign]
+        Journal.tell = tell_and_die  # type: ignore[method-assign]
         ask(folder)
 
     kill_when(folder.painting / "nowhere", said, is_said)
     journal, history = Journal.reopen(folder.painting)
     kept = resuming.load_kept_plan(folder.painting, history)
     assert kept is not None and history.painted == 2
-    journal.record_resume(history, repaint=False)
+    journal.record_resume(repaint=False)
     table, seen = Table(folder, 6, pause_after=0, journal=journal, began=time.time()), list[Path]()
     _planned(table)
     planner = table.setup.session.planner
@@ -374,16 +362,16 @@ def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: 
         folder.painting / "journal", lambda record: record["kind"] == "request_taken", lambda: _ask(FINISH)(folder)
     )
     history = Journal.reopen(folder.painting)[1]
-    controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), time.time() + 1)
+    stop = StopWatch(folder.stop, folder.path.parent)
+    controller = PauseController(folder, lambda event: None, stop, time.time() + 1)
     controller.owe(history.request, history.proposed)
     assert controller.pause_cause() == "person" and list(controller._commands) == [FINISH]
 
 
 def test_what_can_only_be_done_in_a_pause_is_refused_aloud(folder: PaintingFolder) -> None:
-    controller = PauseController(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), 0.0)
-    controller._commands.extend((LOOK, GO_ON, NEW_GOAL))
-    assert controller.pause_cause() is None
-    assert len([event for event in FeedReader(folder.feed).read() if isinstance(event, events.Remark)]) == 2
+    table = Table(folder, 4)
+    table.controller._commands.extend((LOOK, GO_ON, NEW_GOAL))
+    assert table.controller.pause_cause() is None and len(table.told(events.Remark)) == 2
 
 
 @pytest.fixture
@@ -400,10 +388,8 @@ def stopped(folder: PaintingFolder) -> Iterator[StopWatch]:
 def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: StopWatch) -> None:
     with pytest.raises(StopPressed):
         stopped.heed()
-    assert (
-        PauseController(folder, Feed(folder), stopped, 0.0).go_on(events.Paused("You asked for a pause.", 3, "person"))
-        is False
-    )
+    controller = PauseController(folder, lambda event: None, stopped, 0.0)
+    assert controller.go_on(events.Paused("You asked for a pause.", 3, "person")) is False
 
 
 def test_a_person_s_picture_is_taken_in_the_pause_and_a_refusal_is_told(folder: PaintingFolder) -> None:
@@ -421,20 +407,6 @@ def test_a_person_s_picture_is_taken_in_the_pause_and_a_refusal_is_told(folder: 
     assert [remark.sentence for remark in table.told(events.Remark)] == ["The picture does not show this canvas."]
 
 
-class AtRealEasel(Feed):
-    """Paints with a real brush when it is told that the robot has paused: only photographs show that."""
-
-    def __init__(self, folder: PaintingFolder, paint: Callable[[], None]) -> None:
-        super().__init__(folder)
-        self._paint = paint
-
-    def tell(self, event: Written) -> None:
-        super().tell(event)
-        if isinstance(event, events.Paused):
-            self._paint()
-            tell_worker(self.folder, GO_ON, "browser")
-
-
 def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) -> None:
     world = VirtualPainting.made(seed=7)
     folder.painting.mkdir()
@@ -450,9 +422,20 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
         press = np.full(len(place), 0.5)
         studio.easel.operator.paint_stroke(PersonStroke(1, "fine", 0, place, press, 0 * press, 0 * press))  # type: ignore[attr-defined]
 
-    controller = PauseController(
-        folder, AtRealEasel(folder, paint), StopWatch(folder.stop, folder.path.parent), 0.0, ask=answer
-    )
+    told: list[Event] = []
+    controller = PauseController(folder, told.append, StopWatch(folder.stop, folder.path.parent), 0.0, ask=answer)
+
+    def go_on(paused: events.Paused) -> bool:
+        photograph = session.person.await_paint
+
+        def paint_after_it() -> None:  # only photographs show what a real brush paints
+            photograph()
+            paint()
+
+        session.person.await_paint = paint_after_it  # type: ignore[method-assign]
+        tell_worker(folder, GO_ON, "browser")
+        return controller.go_on(paused)
+
     journal = Journal.begin(folder.painting, {"strokes": STROKES}, RESTS_ON)
     due = iter([True])
     session, studio = world.session(
@@ -460,17 +443,16 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
         journal,
         controls=Controls(
             pause_cause=lambda: "person" if session._progress.painted == 4 and next(due, False) else None,
-            go_on=controller.go_on,
+            go_on=go_on,
         ),
-        notify=controller.hear,
+        notify=told.append,
     )
     session.hand.easel = replace(session.hand.easel, person_brushes=())
     controller.opened = lambda: session
     assert session.run(STROKES, 3).painted == STROKES
-    told = FeedReader(folder.feed).read()
-    (shown,) = [event for event in told if isinstance(event, person_events.PersonPaintShown)]
+    (shown,) = [event for event in told if isinstance(event, events.PersonPaintShown)]
     assert (folder.live / shown.picture).is_file() and 0 < shown.share < 0.1
-    regions = [event for event in told if isinstance(event, person_events.RegionProtected)]
+    regions = [event for event in told if isinstance(event, events.RegionProtected)]
     (remark,) = [event.sentence for event in told if isinstance(event, events.Remark)]
     (question,) = asked
     assert "outlined" in question.text and question.picture.shape[0] == 3 and "still planned" in question.text
@@ -479,7 +461,9 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
 
 
 def test_what_was_agreed_on_about_turns_is_known_after_the_painter_was_killed(folder: PaintingFolder) -> None:
-    feed = Feed(folder)
-    feed.tell(events.Turns(7, 0.0, "continue", "protect"))
-    controller = PauseController(folder, feed, StopWatch(folder.stop, folder.path.parent), 0.0)
-    assert controller._game == TakeTurns(7, 0.0, "continue", "protect")
+    folder.painting.mkdir()
+    journal = Journal.begin(folder.painting, {}, {})
+    journal.tell(events.Turns(7, 0.0, "continue", "protect"))
+    journal.close()
+    table = Table(folder, 4, journal=Journal.reopen(folder.painting)[0])
+    assert table.controller._game == events.Turns(7, 0.0, "continue", "protect")

@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, require_stop_on_top
-from frida_painter.session.events import Failed, PlanRequested
+from frida_painter.session.events import Began, Failed
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import Feed, PaintingRequest
 from served import Served, Work, end_listener, open_studio
@@ -35,7 +35,7 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 def work(studio: Served) -> Iterator[Work]:
     working = Work(PaintingStore(studio.folder))
     painting_request = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a ship"}]})
-    Feed(working.folder).tell(PlanRequested(1, painting_request.model_dump(mode="json")))
+    Feed(working.folder).tell(Began("plan", plan=1, detail=painting_request.model_dump(mode="json")))
     yield working
     working.lock.release()
 

@@ -4,7 +4,7 @@ import select
 import sys
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,18 +14,20 @@ from typing import Self
 from rich.console import Console
 from torch import Tensor
 
-from frida_painter import storage
+from frida_painter import locks, storage
 from frida_painter.cli.options import Wells, ask_at_terminal
 from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import PaintingLine, terminal_at
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import ARM_FILM, easel_kind
+from frida_painter.easel.kinds import ARM_FILM, JOURNAL, PAUSE_FILE, easel_kind
 from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.event_log import EventLog, LogReader
 from frida_painter.registry import Later
-from frida_painter.runs.painting_folder import NOW, PAUSE_FILE
+from frida_painter.runs.painting_folder import NOW
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import PauseCause, Paused
+from frida_painter.session.events import PauseCause, Paused, events_of, time_of
+from frida_painter.session.fold import ENDS, PaintingState
 from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
 
@@ -62,7 +64,7 @@ class Leader:
         self._run, self._stop, self._started = run, stop, started
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)
-        self._bar = PaintingLine(self._console, run.estimate_time(started))
+        self._bar = PaintingLine(self._console, lambda: run.painting)
         self._stack = ExitStack()
         wells = Wells(run.mixed, input if asks_for_paints else None, run.folder, poured=not run.easel.simulated)
         run.listeners.append(self._bar.hear)
@@ -152,6 +154,29 @@ class Leader:
         if self._repaint is not None or not self._asked:
             return bool(self._repaint)
         return confirm(f"Look at {self._run.folder / 'now.png'}: paint stroke {number} again?", default=False)
+
+
+def follow(folder: Path) -> None:
+    """Shows a painting that another process makes, from its journal, until that process ends.
+
+    folder: of the painting, or of the studio's entry that holds it.
+    Raises StorageError if it is no painting's.
+    """
+    place = (
+        folder if storage.exists(folder / JOURNAL) or not storage.exists(folder / "painting") else folder / "painting"
+    )
+    PaintingState.of_journal(EventLog.read(place / JOURNAL), place)
+    state, reader, at_work = PaintingState(), LogReader(place / JOURNAL), True
+    with suppress(KeyboardInterrupt), PaintingLine(Console(stderr=True, highlight=False), lambda: state) as line:
+        while at_work:
+            at_work = locks.is_held(place / JOURNAL)
+            for written in reader.read():
+                for event in events_of(written):
+                    state.hear(event, time_of(written))
+                    line.hear(event)
+            time.sleep(_GLANCE if at_work else 0)
+    ended = f"It {state.doing}." if state.doing in ENDS else "It is not at its end."
+    say(f"{state.painted} of {count_of(state.of, 'stroke')} painted. {ended} {state.trouble}".strip())
 
 
 def answer_early(run: PaintingRun) -> Callable[[Question], Answer]:

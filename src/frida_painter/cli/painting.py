@@ -31,12 +31,8 @@ from frida_painter.options import PaceOption, PictureOut, PlanFile, whole_number
 from frida_painter.runs.spec import OF_PAINTINGS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from frida_painter.plan import Plan
     from frida_painter.runs.run import PaintingRun
     from frida_painter.runs.spec import RunSpec
-    from frida_painter.session.events import Event
 
 
 _give_picture = registry.Later("frida_painter_calibration.commands.without_camera:give_picture")
@@ -77,21 +73,9 @@ def paint(
     _require_canvas_for_two(spec, candidates, asked=not yes)
     require_proposer(propose, together=spec.together)
     spec = imagine_beginning(spec, given, asked=not yes, paints=True)
-    spec, chosen = (spec, None) if candidates == 1 else _best_of(candidates, spec)
-    _paint(spec, chosen, started, given["out"], asked=not yes, asks_for_paints=ask, propose=propose)
-
-
-def _paint(
-    spec: "RunSpec",
-    chosen: "Plan | None",
-    started: float,
-    out: Path | None,
-    *,
-    asked: bool,
-    asks_for_paints: bool,
-    propose: str | None,
-) -> None:
-    """Paints a description; with `chosen`, by that plan."""
+    asked, chosen = not yes, None
+    if candidates != 1:  # the best of this number of seeds; it prints which one it is
+        spec, chosen = registry.parts(registry.PLAN_CHOOSERS)["candidates"].load(FunctionType)(spec, candidates)
     with EaselProcess(spec.robot) as process:  # loads in parallel with this process
         from frida_painter.cli.leading import Leader, answer_early, ready_planner, say_films
         from frida_painter.cli.stop_signal import stop_on_signals
@@ -99,14 +83,12 @@ def _paint(
         from frida_painter.runs.run import PaintingRun
 
         prepare_process()
-        with stop_on_signals() as stop, PaintingRun(spec, out) as run:
+        with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
             say_films(run.spec)
             run.load_easel(process)
-            ready_planner(run, stop, out)
+            ready_planner(run, stop, given["out"])
             stop.at_once = run.open_easel(hear_signals=True, answer=answer_early(run) if asked else None).robot.stop
-            with Leader(
-                run, stop, asked=asked, asks_for_paints=asks_for_paints, started=started, propose=propose
-            ) as leader:
+            with Leader(run, stop, asked=asked, asks_for_paints=ask, started=started, propose=propose) as leader:
                 outcome = run.start(chosen)
     leader.conclude(outcome)
 
@@ -125,20 +107,9 @@ def _require_canvas_for_two(spec: "RunSpec", candidates: int, *, asked: bool) ->
         raise ConfigError(f"--together answers a person, and {option} is for paintings without one; leave out one.")
 
 
-def _best_of(candidates: int, spec: "RunSpec") -> "tuple[RunSpec, Plan]":
-    """Returns the description with the best of this number of seeds, and its plan; prints which seed it is."""
-    choose = registry.parts(registry.PLAN_CHOOSERS)["candidates"].load(FunctionType)
-    return choose(spec, candidates)
-
-
 def plan(*, photo: Photo = None, **given: Any) -> None:
     """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
-    spec = imagine_beginning(spec_of(photo, given), given, asked=True, paints=False)
-    _plan(spec, given["out"])
-
-
-def _plan(spec: "RunSpec", out: Path | None) -> None:
-    """Plans a description, into a folder."""
+    spec, out = imagine_beginning(spec_of(photo, given), given, asked=True, paints=False), given["out"]
     from rich.console import Console
 
     from frida_painter import images
@@ -239,8 +210,9 @@ def resume(
     from frida_painter.cli.stop_signal import stop_on_signals
     from frida_painter.devices import prepare_process
     from frida_painter.errors import Interrupted
-    from frida_painter.runs.painting_folder import are_there, history_of
+    from frida_painter.runs.painting_folder import NOW, are_there, history_of
     from frida_painter.runs.run import PaintingRun
+    from frida_painter.session.events import Resumed
 
     if (history := history_of(folder)).finished:
         if are_there(folder, history.painted):
@@ -268,9 +240,21 @@ def resume(
         leader = stack.enter_context(
             Leader(run, stop, asked=not yes, repaint=repaint, started=started, propose=propose)
         )
-        run.listeners.append(_show_canvas(run))
+        found = "as it was found" if run.spec.has_camera else "as it should be"
+        at = f"The canvas {found}: {run.folder / NOW}"
+        run.listeners.append(lambda event: say(at) if isinstance(event, Resumed) else None)
         outcome = run.resume()
     leader.conclude(outcome)
+
+
+def watch(folder: Folder) -> None:
+    """Follow a painting that another terminal or the studio makes, until it ends or pauses for good.
+
+    Watching changes nothing; Ctrl-C ends it, and no other work.
+    """
+    from frida_painter.cli.leading import follow
+
+    follow(folder)
 
 
 def look(
@@ -318,20 +302,6 @@ def _next_motion(spec: "RunSpec") -> str:
     return f"{first} will be photographed."
 
 
-def _show_canvas(run: "PaintingRun") -> "Callable[[Event], None]":
-    """Returns a listener that prints where the picture of the canvas is when a painting is resumed."""
-    from frida_painter.cli.leading import say
-    from frida_painter.runs.painting_folder import NOW
-    from frida_painter.session.events import Resumed
-
-    def hear(event: "Event") -> None:
-        if isinstance(event, Resumed):
-            found = "as it was found" if run.spec.has_camera else "as it should be"
-            say(f"The canvas {found}: {run.folder / NOW}")
-
-    return hear
-
-
 def _show(run: "PaintingRun") -> None:
     """Prints the progress of the painting."""
     from frida_painter.cli.leading import say
@@ -359,4 +329,5 @@ def register(app: typer.Typer) -> None:
     app.command("plan", cls=BriefCommand)(taking(planning_options(), plan))
     app.command("render")(render)
     app.command("resume")(resume)
+    app.command("watch")(watch)
     app.command("look")(look)

@@ -3,7 +3,6 @@
 import math
 import re
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -41,6 +40,7 @@ from frida_painter.easel.dialogue import (
 )
 from frida_painter.errors import Interrupted
 from frida_painter.palette import to_hex
+from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import (
     Drying,
@@ -60,7 +60,8 @@ from frida_painter.session.events import (
     StrokePainted,
     TouchCorrected,
 )
-from frida_painter.session.time_left import PlanTime, RemainingTime, duration, share_of_plan
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.time_left import PlanTime, duration, share_of_plan
 
 # Progress with a forecast of the time left, from measured durations of each kind of work.
 
@@ -87,28 +88,29 @@ class Line:
 
 
 class PaintingLine(Line):
-    """Line on the terminal for a painting: the current work, its progress, and the time left."""
+    """Line on the terminal for a painting: the current work, its progress, and the time left.
 
-    def __init__(self, console: Console, time_left: RemainingTime) -> None:
-        self._time_left, self._is_aside = time_left, False
-        self._started = time.monotonic()
+    state: returns the state of the painting, which has heard an event before the line does.
+    """
+
+    def __init__(self, console: Console, state: Callable[[], PaintingState]) -> None:
+        self._state, self._is_aside = state, False
         super().__init__(progress_bar(console))
-        self._task = self._bar.add_task("getting ready", total=1.0, left=time_left.remaining)
+        self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
 
     def hear(self, event: Event) -> None:
         """Shows an event; during a pause, the terminal is free for questions."""
-        now = time.monotonic()
         if isinstance(event, Paused):
             self._bar.stop()
         elif not self._is_aside:
             self._bar.start()
         if isinstance(event, TouchCorrected | Remark):
             self._bar.console.print(event.sentence, markup=False)
-        self._time_left.hear(event, now)
-        passed, left = now - self._started, self._time_left.remaining
+        state = self._state()
+        passed, left = state.seconds, state.time.remaining
         self._bar.update(
             self._task,
-            description=_words(event) or self._bar.tasks[0].description,
+            description=_words(event, state.pace) or self._bar.tasks[0].description,
             completed=passed / max(passed + left, 1e-9),
             left=left,
         )
@@ -152,24 +154,24 @@ class _TimeLeft(ProgressColumn):
         return Text(f"{duration(left)} left" if math.isfinite(left) else "")
 
 
-def _words(event: Event) -> str:
+def _words(event: Event, pace: float) -> str:
     match event:
         case PlanningStep("plan", iteration, of):
             return f"planning {100 * iteration // of:3d} %"
         case PlanningStep(_, iteration, of):
             return f"planning the rest again {100 * iteration // of:3d} %"
-        case Planned(forecast=forecast) if forecast is not None:
-            return f"planned: {forecast}"
-        case Scheduled(timetable, 0, pace):
+        case Planned(similarity=(expected, least, most)):
+            return f"planned: {SimilarityForecast(expected, least, most)}"
+        case Scheduled(timetable, 0):
             return f"the robot will take {duration(timetable.total - (1 - min(pace, 1)) * timetable.drying)}"
         case GroundWanted(color):
             return f"toning the canvas in {to_hex(torch.tensor(color))}"
-        case PaintsWanted(palette):
-            return f"mixing {len(palette)} paints"
+        case PaintsWanted(colors):
+            return f"mixing {len(colors)} paints"
         case StrokePainted(done, of) | StrokeLeftOut(done, of):
             return f"stroke {done} of {of}"
-        case Drying(left=left) if left > 0:
-            return f"letting the paint dry, {duration(left)} more"
+        case Drying(left=left) if left * pace > 0:
+            return f"letting the paint dry, {duration(left * pace)} more"
         case LayerBegun(layer=layer, brush=brush):
             return f"layer {layer}, with the {brush} brush"
         case Looked():

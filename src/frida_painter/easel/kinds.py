@@ -64,6 +64,7 @@ class EaselKind:
 
 JOURNAL = "journal"
 STOP_FILE = "stop"
+PAUSE_FILE = "pause"  # pauses a painting as long as it exists
 SIMULATION_LOG = "studio.diary"
 ARM_FILM = "arm.mp4"
 LIVE_PICTURE = ".camera.jpg"  # hidden: it exists only during a painting

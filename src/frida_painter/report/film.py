@@ -1,7 +1,7 @@
 """The film of a painting: frames stream into an H.264 file that every browser plays."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images, storage
-from frida_painter.errors import ImageError, StorageError
-from frida_painter.report.story import Look, Phase
+from frida_painter.errors import ImageError
 from frida_painter.video import RATE, VideoEncoder
 
 Color = tuple[float, float, float]
@@ -103,49 +102,26 @@ class _Stage:
         self._reached = reached
 
 
-# The sketchbook: sources of film and page, stored during the painting, so that another run can continue.
+# The sketchbook: timelapse frames, stored during the painting, so that another run can continue the film.
 
 SKETCHBOOK = "sketchbook"
-_STORY = "story.json"
 
 
-class Sketchbook:
-    """Folder for timelapse frames, looks and phases, inside the painting's. Raises StorageError if the disk is full."""
+def keep_frame(folder: Path, stroke: int, picture: Tensor) -> str:
+    """Stores the timelapse frame [3, H, W] after a stroke in a painting's folder; returns its name there.
 
-    def __init__(self, painting: Path) -> None:
-        self._folder = painting / SKETCHBOOK
+    Raises StorageError if the disk is full.
+    """
+    path = storage.find_unused(folder / SKETCHBOOK / f"glimpse-{stroke:06d}.jpg")
+    images.save(picture, path)
+    return f"{SKETCHBOOK}/{path.name}"
 
-    def keep_timelapse_frame(self, stroke: int, picture: Tensor) -> None:
-        """Stores the picture [3, H, W] of the timelapse after a stroke, beside an earlier one."""
-        images.save(picture, storage.find_unused(self._folder / f"glimpse-{stroke:06d}.jpg"))
 
-    def timelapse_frames(self, painted: int) -> Iterator[tuple[int, Tensor]]:
-        """Yields the timelapse frames up to stroke `painted` with the numbers of their strokes; skips damaged ones."""
-        frames = [
-            ([int(part) for part in path.stem.split("-")[1:]], path) for path in self._folder.glob("glimpse-*.jpg")
-        ]
-        for (stroke, *_), path in sorted(frames):
-            if stroke <= painted:
-                try:
-                    yield stroke, images.load(path)
-                except ImageError:
-                    continue
-
-    def keep_story(self, looks: Sequence[Look], phases: Sequence[Phase], expected_seconds: float | None) -> None:
-        """Stores the looks and planning phases so far, and the expected time of the robot in total."""
-        told = {
-            "looks": [asdict(look) for look in looks],
-            "phases": [asdict(phase) for phase in phases],
-            "expected_seconds": expected_seconds,
-        }
-        storage.write_json(self._folder / _STORY, told)
-
-    def story(self) -> tuple[list[Look], list[Phase], float | None]:
-        """Returns the stored looks, phases and time; empty lists and None if they are lost."""
-        try:
-            told = storage.read_json(self._folder / _STORY, "the story so far")
-            looks = [Look(**look) for look in told["looks"]]
-            phases = [Phase(phase["name"], tuple(map(tuple, phase["loss"]))) for phase in told["phases"]]
-        except (StorageError, KeyError, TypeError):
-            return [], [], None
-        return looks, phases, told.get("expected_seconds")
+def kept_frames(folder: Path, painted: int) -> Iterator[tuple[int, Tensor]]:
+    """Yields the timelapse frames up to stroke `painted` with the numbers of their strokes; skips damaged ones."""
+    files = (folder / SKETCHBOOK).glob("glimpse-*.jpg")
+    frames = [([int(part) for part in path.stem.split("-")[1:]], path) for path in files]
+    for (stroke, *_), path in sorted(frames):
+        if stroke <= painted:
+            with suppress(ImageError):
+                yield stroke, images.load(path)

@@ -31,9 +31,15 @@ from frida_painter.palette import to_hex
 from frida_painter.perception.frame_check import find_painted
 from frida_painter.plan import Plan
 from frida_painter.render import render
-from frida_painter.session.events import Photographed, StrokePainted, events_of
-from frida_painter.session.journal import History
-from frida_painter.session.person_events import PersonStrokeBegan, PersonStrokePainted
+from frida_painter.session.events import (
+    Event,
+    PersonStrokeBegan,
+    PersonStrokePainted,
+    Photographed,
+    StrokePainted,
+    events_of,
+)
+from frida_painter.session.fold import PaintingState
 from frida_painter.session.resuming import load_canvas
 
 PAINTERS = "painters"
@@ -123,9 +129,9 @@ def find_painters(folder: Path, models: Mapping[str, StrokeModel], rows: int = _
     Raises StorageError and PlanError if journal or plan are damaged.
     """
     records = list(EventLog.read(folder / JOURNAL))
-    history, plan = History.of(records, folder), Plan.load(folder)
+    state, plan = PaintingState.of_journal(records, folder), Plan.load(folder)
     grid = PixelGrid.of_height(plan.canvas, rows)
-    ledger = _Ledger(folder, history, plan, models, grid)
+    ledger = _Ledger(folder, state, plan, models, grid)
     for record in records:
         for event in events_of(record):
             ledger.hear(event)
@@ -136,16 +142,16 @@ class _Ledger:
     """Owner of each pixel while the strokes of a journal are painted."""
 
     def __init__(
-        self, folder: Path, history: History, plan: Plan, models: Mapping[str, StrokeModel], grid: PixelGrid
+        self, folder: Path, state: PaintingState, plan: Plan, models: Mapping[str, StrokeModel], grid: PixelGrid
     ) -> None:
-        self._folder, self._history, self._plan, self._models, self._grid = folder, history, plan, models, grid
+        self._folder, self._state, self._plan, self._models, self._grid = folder, state, plan, models, grid
         self._owner = np.zeros((grid.rows, grid.columns), np.int32)
         self._order: list[int] = []
         self._look: str | None = None
         self._begun: dict[int, PersonStrokeBegan] = {}
         self._unseen: list[PersonStrokeBegan] = []
 
-    def hear(self, event: object) -> None:
+    def hear(self, event: Event) -> None:
         match event:
             case StrokePainted(done=done) if done <= len(self._plan):
                 self._owner[self._robot_mark(done)] = done
@@ -199,7 +205,7 @@ class _Ledger:
 
     def _canvas(self, photograph: str) -> Tensor | None:
         record = self._folder / "calibration.json"
-        canvas = load_canvas(self._folder / photograph, self._history, self._plan.canvas, record)
+        canvas = load_canvas(self._folder / photograph, self._state, self._plan.canvas, record)
         return None if canvas is None else images.fit(canvas, self._grid.rows, self._grid.columns)
 
 

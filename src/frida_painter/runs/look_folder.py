@@ -23,7 +23,7 @@ from frida_painter.event_log import EventLog
 from frida_painter.perception.snapshot import Snapshot, find_corners, read_snapshot
 from frida_painter.session import resuming
 from frida_painter.session.events import StrokeLeftOut, StrokePainted, events_of, time_of
-from frida_painter.session.journal import History
+from frida_painter.session.fold import PaintingState
 from frida_painter.session.open_loop import bare_paper
 
 LOOKS = "looks"
@@ -119,7 +119,7 @@ class LookFolder:
 
 def is_finished(folder: Path) -> bool:
     """Returns True if the painting in `folder` is complete; a painter may be at work. Raises StorageError."""
-    return History.of(EventLog.read(folder / JOURNAL), folder).finished
+    return PaintingState.of_journal(EventLog.read(folder / JOURNAL), folder).finished
 
 
 def check_picture(folder: Path, given: GivenPicture) -> Snapshot:
@@ -128,7 +128,7 @@ def check_picture(folder: Path, given: GivenPicture) -> Snapshot:
     Raises ConfigError if the painting has no strokes yet, FrameRejected and CalibrationError if it is another canvas
     or cannot be found, ImageError, StorageError and PlanError.
     """
-    history = History.of(EventLog.read(folder / JOURNAL), folder)
+    history = PaintingState.of_journal(EventLog.read(folder / JOURNAL), folder)
     kept = resuming.load_kept_plan(folder, history)
     if kept is None or not history.painted:
         raise ConfigError(

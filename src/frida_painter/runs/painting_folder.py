@@ -38,7 +38,8 @@ from frida_painter.runs.fields import brush_file
 from frida_painter.runs.goal_item import MAKING, making_file, read_goal_file, read_making
 from frida_painter.runs.spec import FILES, SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming
-from frida_painter.session.journal import PHOTOGRAPHS, History, Journal
+from frida_painter.session.fold import PaintingState
+from frida_painter.session.journal import PHOTOGRAPHS, Journal, placement_of
 from frida_painter.session.progress import Painting
 from frida_painter.session.resuming import KeptPlan
 
@@ -212,7 +213,7 @@ class ReopenedPainting:
 
     spec: description from its folder.
     journal: its journal, locked until it is closed.
-    history: history from the journal.
+    history: state from the journal, which goes on with it.
     plan: plan from the folder, None if the painting broke off before the first plan.
     placement: learned placement, None if the calibration record has changed.
     accept_changes: True if the painting goes on in spite of changes.
@@ -220,7 +221,7 @@ class ReopenedPainting:
 
     spec: RunSpec
     journal: Journal
-    history: History
+    history: PaintingState
     plan: KeptPlan | None
     placement: Placement | None
     accept_changes: bool
@@ -235,7 +236,7 @@ def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainti
     try:
         spec = read_spec(folder) if not history.finished else RunSpec.of(**upgrade_record(history.settings))
         plan = resuming.load_kept_plan(folder, history)
-        placement = None if plan is None else plan.planning.placement
+        placement = None if plan is None else placement_of(plan.planning)
         if not history.finished:
             rests_on = input_hashes(spec, folder)
             _require_unchanged(spec, folder, history, plan, rests_on, accept_changes=accept_changes)
@@ -248,7 +249,7 @@ def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainti
     return ReopenedPainting(spec, journal, history, plan, placement, accept_changes)
 
 
-def history_of(folder: Path) -> History:
+def history_of(folder: Path) -> PaintingState:
     """Reads the history of a painting, then releases its journal. Raises StorageError."""
     journal, history = Journal.reopen(folder)
     journal.close()
@@ -258,7 +259,7 @@ def history_of(folder: Path) -> History:
 def _require_unchanged(
     spec: RunSpec,
     folder: Path,
-    history: History,
+    history: PaintingState,
     plan: KeptPlan | None,
     rests_on: dict[str, str],
     *,

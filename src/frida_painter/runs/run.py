@@ -24,7 +24,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import JOURNAL, SIMULATION_LOG, OpenEasel
+from frida_painter.easel.kinds import ARM_FILM, JOURNAL, SIMULATION_LOG, OpenEasel
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
@@ -83,14 +83,15 @@ from frida_painter.runs.settle import (
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events, resuming
 from frida_painter.session.controls import Controls
+from frida_painter.session.fold import PaintingState
 from frida_painter.session.hand import Hand, with_measured_dip
-from frida_painter.session.journal import PHOTOGRAPHS, History, Journal
+from frida_painter.session.journal import PHOTOGRAPHS, Journal
 from frida_painter.session.loop import Extent, PaintingSession
 from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
 from frida_painter.session.progress import Painting, ResumeState
-from frida_painter.session.time_left import RemainingTime
+from frida_painter.session.replan_policy import looks_on_the_way
 
 if TYPE_CHECKING:
     from frida_painter.runs.look_folder import GivenPicture, LookFolder
@@ -130,12 +131,14 @@ class PaintingRun:
     controls: steer the painting.
     state: folder for latched stops.
 
+    keepers: keep more pictures of an event, and return the event with their files, before listeners hear it.
     record_may_differ: True if a simulated easel ignores a calibration record of another easel.
     encoders: networks that judge the goal. None: the fetched ones.
     mixed: mixed paints of the description's palette file, read at the start of the block; None: those of the plan.
     remarks: sentences for the person.
     tell: receives a sentence about each wait before planning.
     heed: called often in these waits; may raise to end them.
+    finish: adds results of its own to those of a painting, before it counts as finished.
     Raises ConfigError and ImageError if the description makes no painting.
 
         >>> import frida_painter as fp
@@ -166,12 +169,15 @@ class PaintingRun:
         self.goal, self.target = self._fitted.goal, self._fitted.target
         self.tell: Callable[[str], None] = lambda sentence: None
         self.heed: Callable[[], None] = lambda: None
+        self.finish: Callable[[RunOutcome], None] = lambda outcome: None
         self.mixed: Palette | None = None
         self._folder = None if folder is None else Path(folder)
         self.listeners: list[events.Notify] = list(listeners)
         self.controls = controls or Controls()
         self._state = None if state is None else Path(state)
         self._record_may_differ = record_may_differ
+        self._journal = Journal.nowhere() if _reopened is None else _reopened.journal
+        self.keepers: list[Callable[[events.Event], events.Event]] = []
         self._encoders = encoders
         self._stack = ExitStack()
         self._process: EaselProcess | None = None
@@ -220,9 +226,14 @@ class PaintingRun:
                 self._run_record.finish(self._led, self._before, **self._results)
 
     @property
-    def history(self) -> History | None:
-        """History of a reopened painting; None for a new one."""
+    def history(self) -> PaintingState | None:
+        """State of a reopened painting, which goes on with it; None for a new one."""
         return None if self._reopened is None else self._reopened.history
+
+    @property
+    def painting(self) -> PaintingState:
+        """State of the painting, which goes on with it."""
+        return self._journal.state
 
     @property
     def folder(self) -> Path:
@@ -286,14 +297,6 @@ class PaintingRun:
         made = planner.plan(bare, spec.strokes, spec.colors, notify)
         return made if self.mixed is None else planner.bind_to_palette(made, bare, self.mixed, notify)
 
-    def estimate_time(self, now: float) -> RemainingTime:
-        """Returns the estimate of the painting's time from `now` on; it is to hear every event."""
-        spec, planner = self.spec, self.planner
-        strokes = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for
-        effort = planner.effort
-        work = {"planning": planner.iterations(spec.strokes), "replanning": effort.settling + effort.replanning}
-        return RemainingTime(strokes, replan_policy(spec), now, **work)
-
     def open_easel(self, *, hear_signals: bool = False, answer: Callable[[Question], Answer] | None = None) -> Easel:
         """Opens and connects the easel, and makes the folder; the folder is removed if the easel cannot be opened.
 
@@ -335,11 +338,11 @@ class PaintingRun:
         self.easel.calibration.save(self.folder / CALIBRATION)
         self._run_record = self.begin_record("painting")
         self._led = "" if plan is None else "It was painted from a plan that was given; verify the folder of that plan."
-        journal = Journal.begin(self.folder, self.spec.record(), input_hashes(self.spec, self.folder))
-        self._stack.callback(journal.close)
+        self._journal = Journal.begin(self.folder, self.spec.record(), input_hashes(self.spec, self.folder))
+        self._stack.callback(self._journal.close)
         recorder = self._recorder()
         self._stack.enter_context(recorder)
-        session = self._open_session(self.easel, journal, recorder.hear)
+        session = self._open_session(self.easel)
         spec = self.spec
         first = plan or (self.plan() if spec.together else None)
         return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, first))
@@ -373,7 +376,7 @@ class PaintingRun:
         try:
             opened = (opener or open_easel)(order(self.spec, self.planner.brushes, None, self._state))
             easel = connect_easel(self._on_record(opened.easel), None, self.tell)
-            session = self._open_session(easel, Journal.nowhere())
+            session = self._open_session(easel)
             first = plan or (self.plan() if self.spec.together else None)
             return session.run(self.spec.strokes, self.spec.colors, first)
         finally:
@@ -395,18 +398,19 @@ class PaintingRun:
             return self._make_results(self._reopened.history, self._reopened.plan)
         if self._easel is None:
             self.open_easel()
-        journal, history, kept = self._reopened.journal, self._reopened.history, self._reopened.plan
+        history, kept = self._reopened.history, self._reopened.plan
         recorder = self._recorder()
-        session = self._open_session(self.easel, journal, recorder.hear)
+        session = self._open_session(self.easel)
         if (bare := resuming.bare_photograph(self.folder)) is not None:
             session.observer.learn_good(bare, resuming.last_photograph(self.folder, history))
         resuming.recall_brush(session.hand, history, self.controls.answer)
         if (begun := history.person_in_doubt) is not None:
             session.person.finish(PersonStroke.of(begun.stroke))
-        unseen = len(history.person) > history.person_seen  # of a person who painted in the pause that broke off
+        seen = history.person_seen  # the state goes on with the look
+        unseen = len(history.person) > seen  # of a person who painted in the pause that broke off
         before, now = self._find_canvas(session, kept, unseen=unseen)
         if history.person:
-            session.person.remember(history.person, history.person_seen, history.person_released)
+            session.person.remember(history.person, seen, history.person_released)
         doubtful = history.in_doubt is not None
         repaint = False
         if now is not None and kept is not None and (number := history.in_doubt) is not None:
@@ -414,7 +418,7 @@ class PaintingRun:
             picture = doubt(kept.plan, number - 1, now, painted)
             images.save(picture, self.folder / NOW)
             repaint = self.controls.repaint(number, picture)
-        journal.record_resume(history, repaint=repaint)
+        self._journal.record_resume(repaint=repaint)
         self._stack.enter_context(recorder)
         if kept is None or now is None:
             first = self.plan() if self.spec.together else None
@@ -483,12 +487,11 @@ class PaintingRun:
         assert self._reopened is not None and self._reopened.history.finished
         self._take_up_record()
         history = self._reopened.history
-        self._reopened.journal.record_picture(canvas, history.painted)
+        self._journal.record_canvas(canvas, history.painted, seen=True)
         images.save(canvas, self.folder / "painting.png")
-        history.pictured, history.assumed, history.last_photograph = history.painted, None, None
         return self._make_results(history, self._reopened.plan)
 
-    def _make_results(self, history: History, kept: resuming.KeptPlan | None) -> RunOutcome:
+    def _make_results(self, history: PaintingState, kept: resuming.KeptPlan | None) -> RunOutcome:
         """Makes picture, film, page and figures of a finished painting from its folder; nothing moves."""
         if kept is None:
             raise StorageError(f"{self.folder} holds no plan, and without it there is nothing to tell; bring it back.")
@@ -496,7 +499,7 @@ class PaintingRun:
         before = resuming.first_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
         with self._recorder() as recorder:
             expected = self.planner.expected(kept.plan, self.planner.bare if before is None else before)
-            recorder.hear(events.Resumed(kept.plan, history.painted, expected))
+            recorder.hear(events.Resumed(history.painted, plan=kept.plan, expected=expected))
             painting = Painting(canvas, history.painted, None, history.robot_seconds)
             if self._run_record is not None:
                 self._results = {"painting": hash_picture(canvas), **self._run_record.results}
@@ -515,24 +518,28 @@ class PaintingRun:
         return easel
 
     def _recorder(self) -> Recorder:
-        return open_recorder(self.spec, self.target, self.planner, self.folder, self.history)
+        recorder = open_recorder(self.spec, self.target, self.planner, self.folder, self.painting)
+        self.keepers.insert(0, recorder.hear)
+        return recorder
 
-    def _open_session(
-        self, easel: Easel, journal: Journal, record: events.Notify = lambda event: None
-    ) -> PaintingSession:
+    def report(self, event: events.Event) -> None:
+        """Keeps the pictures of an event, shows it in the journal, and tells the listeners."""
+        if isinstance(event, events.TimelapseFrame | events.Looked):
+            self._seen = event.photograph
+        elif isinstance(event, events.CanvasPicture):
+            self._seen = event.canvas
+        elif isinstance(event, _LED):
+            self._led = self._led or "A person led it, and no program does that again."
+        for keep in self.keepers:
+            event = keep(event)
+        self._journal.show(event)
+        for listener in self.listeners:
+            listener(event)
+
+    def _open_session(self, easel: Easel) -> PaintingSession:
         """Opens a session on an easel with connected robot and camera. Raises LibraryError."""
         spec, planner = self.spec, self.planner
         easel = with_operator(easel, spec, self.controls.answer)
-
-        def hear(event: events.Event) -> None:
-            if isinstance(event, events.TimelapseFrame | events.Looked):
-                self._seen = event.photograph
-            elif isinstance(event, events.CanvasAssumed):
-                self._seen = event.canvas
-            elif isinstance(event, _LED):
-                self._led = self._led or "A person led it, and no program does that again."
-            for listener in (record, *self.listeners):
-                listener(event)
 
         def must_stop() -> bool:  # on request, or after a stop of the robot
             return self.controls.stop_asked() or (self._process is not None and self._process.stopped)
@@ -556,8 +563,8 @@ class PaintingRun:
             Hand(easel, first, where, others=tuple(others), drying=60 * spec.drying),
             CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
             replan_policy(spec, planner.layer_sizes(spec.strokes)),
-            notify=hear,
-            journal=journal,
+            notify=self.report,
+            journal=self._journal,
             controls=replace(
                 self.controls,
                 stop_asked=must_stop,
@@ -571,6 +578,11 @@ class PaintingRun:
                 spec.film_length,
             ),
         )
+        effort = planner.effort
+        known = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for
+        looks = tuple(looks_on_the_way(self.session.policy, known))
+        work = planner.iterations(spec.strokes), effort.settling + effort.replanning
+        self.report(events.WorkExpected(known, looks, *work))
         return self.session
 
     def look_at_picture(self, given: "GivenPicture") -> None:
@@ -594,9 +606,7 @@ class PaintingRun:
             self.look_at_picture(given)
         except (ImageError, CalibrationError, FrameRejected) as refusal:
             self._looks.file_away(given, "refused")
-            told = events.Remark(f"{given.path.name} does not count as a look. {refusal}")
-            for listener in self.listeners:
-                listener(told)
+            self.report(events.Remark(f"{given.path.name} does not count as a look. {refusal}"))
         else:
             self._looks.file_away(given, "used")
 
@@ -615,11 +625,9 @@ class PaintingRun:
             trouble, painting = fault, session.so_far
             if painting is not None:
                 painting = replace(painting, photograph=painting.photograph if self._seen is None else self._seen)
-                for hear in (recorder.hear, *self.listeners):
-                    hear(events.Stopped(painting.painted))
+                self.report(events.Stopped(painting.painted))
         if painting is not None and painting.rest is not None:  # else there is no plan, and nothing to finish
-            for listener in self.listeners:
-                listener(events.Finishing())
+            self.report(events.Finishing())
         with suppress(FridaError):  # its faults were reported before
             session.hand.easel.robot.close()  # ends a film of the robot
         page = None
@@ -636,7 +644,13 @@ class PaintingRun:
         kept = None
         if not trouble and painting is not None:
             kept = keep_learned(self.spec, self._record, learned, painting, session.learn_wet_paint)
-        return RunOutcome(self.folder, painting, page, trouble, kept)
+        outcome = RunOutcome(self.folder, painting, page, trouble, kept)
+        if page is not None:
+            self.finish(outcome)
+            files = {"film": "film.mp4", "arm": ARM_FILM, "painters": "painters.png"}
+            there = {name: (self.folder / file).exists() for name, file in files.items()}
+            self.report(events.ResultFound("results", detail=there))
+        return outcome
 
 
 @contextmanager

@@ -37,7 +37,7 @@ from frida_painter.runs.fields import AUTO, OF_SCENE, family_shares, rgb
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_terms
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.journal import History
+from frida_painter.session.fold import PaintingState
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter.session.opening import planning_device
 from frida_painter.session.replan_policy import EvenlySpaced, NeverLooks, ReplanPolicy, parse_replan_policy
@@ -220,12 +220,12 @@ def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
 
 
 def open_recorder(
-    spec: RunSpec, target: Tensor | None, planner: Planner, folder: Path, before: History | None
+    spec: RunSpec, target: Tensor | None, planner: Planner, folder: Path, state: PaintingState
 ) -> Recorder:
     """Returns the recorder of the painting's folder.
 
     target [3, H, W]: goal picture.
-    before: history of earlier runs, if any.
+    state: of the painting, with its earlier sittings.
     """
     encoders, first = planner.encoders, next(iter(spec.goal), None)
     kind = easel_kind(spec.robot)
@@ -260,9 +260,9 @@ def open_recorder(
         settings,
         planner.models,
         spec.film_length,
-        before,
+        state,
         has_camera=spec.has_camera,
-        watched=spec.has_camera or (before is not None and before.is_pictured),
+        watched=spec.has_camera or state.is_pictured,
         owned=paints_for_recipes(spec),
     )
 

@@ -1,8 +1,8 @@
-"""Events of a painting or a calibration: the one form in which they are reported, both live and afterwards.
+"""Events of a painting, a plan or a calibration: the one form in which they are told, both live and afterwards.
 
-There are two sorts of events. A `Moment` carries plans and pixels and stays inside the painting process. A `Written`
-event is plain data with a JSON form (`record`, `events_of`), named after its class. It stands in the journal, in the
-feed of the studio page, or in both, and names pictures by their files. Listeners receive both sorts:
+An event is named after its class and has a JSON form (`record`, `events_of`), in which it stands in the journal of a
+painting or in the feed of a job. Fields that carry plans and pixels are live: only listeners in the painting process
+have them, and pictures are named by their files. `PaintingState` (state.py) folds the events of a painting.
 
     >>> import frida_painter as fp
     >>> def hear(event):
@@ -20,33 +20,44 @@ This module loads neither torch nor the planner, because the web process reads e
 from __future__ import annotations
 
 import functools
+import math
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, dataclass_transform
 
 from pydantic import TypeAdapter
-
-from frida_painter.session import making_events as making_events
-from frida_painter.session import setup_events as setup_events
-from frida_painter.session.event import Event as Event
-from frida_painter.session.event import Moment as Moment
-from frida_painter.session.event import Written as Written
-from frida_painter.session.person_events import GoalChanged as GoalChanged
-from frida_painter.session.person_events import PersonPaintShown as PersonPaintShown
-from frida_painter.session.person_events import PersonStrokeBegan as PersonStrokeBegan
-from frida_painter.session.person_events import PersonStrokePainted as PersonStrokePainted
-from frida_painter.session.person_events import RegionProtected as RegionProtected
-from frida_painter.session.person_events import RequestTaken as RequestTaken
 
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from frida_painter.palette import Palette
     from frida_painter.plan import Plan
     from frida_painter.planning.forecast import SimilarityForecast
     from frida_painter.strokes import Strokes
+else:
+    Tensor = Plan = SimilarityForecast = Strokes = Any  # live fields are never read from a record
+
+
+@dataclass_transform(frozen_default=True)
+@dataclass(frozen=True)
+class Event:
+    """Something that happens in a painting, a plan or a calibration; every class of events is a frozen dataclass.
+
+    In a journal it is shown to others, and may be lost if the machine fails.
+    """
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True)(cls)
+
+
+class Durable(Event):
+    """Event that a resumed painting needs: it is on the disk before the painting goes on."""
+
+
+def live() -> Any:
+    """Returns the default of a field that only listeners in the painting process have."""
+    return field(default=None, metadata={"live": True}, repr=False)
 
 
 # Duration of painting at the robot: its parts, and the time at which each stroke is done.
@@ -95,362 +106,84 @@ class Timetable:
         return replace(self, drying=self.drying + seconds, after=after, dried=dried)
 
 
-# Written events for the studio page only: of plans, of the display of a painting, and of calibration.
+# Any work: a plan, a painting's process, a calibration, the setup of a machine, the teaching of a stroke, the making of
+# pictures. `what` tells the job or the result, and `detail` has more for the page.
 
 
-class PlanRequested(Written):
-    """A person asked for plan number `plan`.
+class Began(Event):
+    """A job or a step of one has begun: "plan", "paint", "resume", "calibration", "procedure", "setup" and others.
 
-    wish: request of the page.
+    name: of the step.
+    plan: number of the plan that it is about, 0 for none.
+    detail: request, or other facts.
+    """
+
+    what: str
+    name: str = ""
+    plan: int = 0
+    detail: dict[str, Any] = field(default_factory=dict)
+
+
+class Advanced(Event):
+    """Progress of a job: in words, as a share of it in [0, 1] with the seconds left, or as a picture."""
+
+    words: str = ""
+    share: float | None = None
+    left: float | None = None
+    picture: str | None = None
+
+
+class ResultFound(Event):
+    """Result of a job or a step: "plan", "procedure", "status", "machine", "family", "results" and others."""
+
+    what: str
+    name: str = ""
+    plan: int = 0
+    detail: dict[str, Any] = field(default_factory=dict)
+
+
+class Queued(Event):
+    """Plan number `plan` waits for other jobs, to be made ("plan") or to be painted ("paint"), or no longer waits.
+
+    job: "begun" or "removed" if it no longer waits.
     """
 
     plan: int
-    wish: dict[str, Any]
+    job: Literal["plan", "paint", "begun", "removed"]
 
 
-class PlanningProgress(Written):
-    """Progress of planning.
-
-    share: in [0, 1].
-    left: seconds that planning still takes.
-    plan: plan number, None during a painting.
-    """
-
-    share: float
-    left: float
-    plan: int | None = None
-
-
-class PlanPreview(Written):
-    """Picture of a plan that is being made.
-
-    plan: plan number, None during a painting.
-    """
-
-    picture: str
-    plan: int | None = None
-
-
-class PlanMade(Written):
-    """Plan number `plan` is ready, after `seconds`.
-
-    nearer: share of the bare canvas's distance to the goal that the plan removes.
-    prefix: beginning of the names of its pictures.
-    frames: numbers of strokes for which there is a picture.
-    palette: its paints.
-    mixtures: recipes of the paints.
-    mixing: changes of colours so that they can be mixed, in words for each filling of the wells.
-    remarks: sentences about what it shows of the goal, and how.
-    """
-
-    plan: int
-    nearer: float
-    seconds: float
-    prefix: str
-    frames: list[int]
-    strokes: int
-    palette: list[dict[str, Any]]
-    mixtures: list[dict[str, Any]]
-    mixing: dict[str, str] = field(default_factory=dict)
-    remarks: list[str] = field(default_factory=list)
-
-
-class Queued(Written):
-    """Plan number `plan` waits for other jobs.
-
-    job: "plan" if it waits to be made, "paint" if it waits to be painted.
-    """
-
-    plan: int
-    job: str
-
-
-class Dequeued(Written):
-    """Plan number `plan` no longer waits.
-
-    begun: True if its job began, False if a person removed it.
-    """
-
-    plan: int
-    begun: bool
-
-
-class RestReplanned(Written):
-    """The rest was replanned after `done` strokes.
-
-    gain: as in Planned. The other fields: as in PlanMade.
-    """
-
-    done: int
-    gain: float
-    prefix: str
-    frames: list[int]
-    strokes: int
-    palette: list[dict[str, Any]]
-
-
-class PaintingStarted(Written):
-    """A person started the painting of plan number `plan`, with `of` strokes."""
-
-    plan: int
-    of: int
-
-
-class TakenUp(Written):
-    """A person resumed a painting; `done` strokes are painted."""
-
-    done: int
-
-
-class Mixing(Written):
-    """The wells are being filled."""
-
-
-class TimeLeft(Written):
-    """Current forecast of the seconds until the last stroke."""
-
-    seconds: float
-
-
-class PhotographShown(Written):
-    """Photograph of the canvas after `done` strokes."""
-
-    picture: str
-    done: int
-
-
-class LookShown(Written):
-    """Pictures of a look after `done` strokes: the seen canvas, the expected canvas and their difference."""
-
-    done: int
-    seen: str
-    expected: str
-    difference: str
-
-
-class Considering(Written):
-    """The painter works on a request that a person made in a pause."""
-
-
-class WentOn(Written):
-    """A pause has ended."""
-
-
-class Turns(Written):
-    """Robot and person take turns of this many strokes or minutes; 0: no turns.
-
-    policy, keep: how the robot answers what the person painted; see together.policies.
-    """
-
-    strokes: int
-    minutes: float = 0.0
-    policy: str = "alternate"
-    keep: str = "welcome"
-
-
-class Remark(Written):
-    """Reason why a request could not be done as asked."""
-
-    sentence: str
-
-
-class Finishing(Written):
-    """The robot no longer moves; film, page and exports are being made."""
-
-
-class PaintingKept(Written):
-    """The folder of a painting is complete.
-
-    film: True if it holds a film.
-    arm: True if it holds a film of the arm.
-    painters: True if it tells who painted what, because a person painted too.
-    """
-
-    film: bool
-    arm: bool = False
-    painters: bool = False
-
-
-class Asked(Written):
+class Asked(Event):
     """Question to a person, in the form of frida_painter_studio/painter.py."""
 
     question: dict[str, Any]
 
 
-class Answered(Written):
+class Answered(Event):
     """A person answered the question."""
 
 
-class PersonMayPaint(Written):
-    """A person may paint on the canvas now.
+class Remark(Event):
+    """Sentence for a person, such as the reason why a request could not be done as asked."""
 
-    brushes: name of each brush, and the widths of its marks in metres: `light` and `hard`.
-    wells: paints in the wells, as "#rrggbb".
-    """
-
-    brushes: list[dict[str, Any]]
-    wells: list[str]
-
-
-class Rests(Written):
-    """The worker has ended."""
-
-
-# Written events of a calibration.
-
-
-class CalibrationStarted(Written):
-    """A person started these procedures, in this order."""
-
-    what: list[str]
-
-
-class CalibrationStatus(Written):
-    """Status of each procedure: its name, its date, the reason to repeat it, and whether it is old."""
-
-    easel: str
-    procedures: list[dict[str, Any]]
-
-
-class ProcedureBegan(Written):
-    """A procedure has begun."""
-
-    name: str
-
-
-class ProcedureProgress(Written):
-    """Progress of a procedure, in words."""
-
-    words: str
-
-
-class ProcedureFound(Written):
-    """Result of a procedure, with a picture if there is one."""
-
-    name: str
     sentence: str
-    picture: str | None = None
 
 
-class TeachingStarted(Written):
-    """A person taught marks of a stroke; the family of this name is now learned."""
+class Stopped(Event):
+    """A person stopped; `done` strokes are on the canvas, None if nothing was being painted."""
 
-    name: str
-
-
-class FamilyTaught(Written):
-    """The family of this name was learned for a brush; `picture` is its sheet, for the page."""
-
-    name: str
-    brush: str
-    sentence: str
-    picture: str
+    done: int | None = None
 
 
-# Moments: events that carry plans and pixels.
+class Failed(Event):
+    """The work failed; `reason` is a sentence."""
+
+    reason: str
 
 
-class PlanningStep(Moment):
-    """The planner made iteration `iteration` of `of`.
-
-    phase: "plan" or "replan".
-    parts: brush and current strokes of each part, in painting order.
-    """
-
-    phase: str
-    iteration: int
-    of: int
-    loss: float
-    parts: tuple[tuple[str, Strokes], ...] = ()
+# Sittings of a painting, its plans and its time.
 
 
-class Planned(Moment):
-    """A plan for all unpainted strokes is ready.
-
-    done: strokes painted so far.
-    expected [3, H, W]: canvas after the plan.
-    loss_before, loss_after: expected loss of the old and of the new plan; at first, of the bare canvas.
-    forecast: similarity of the painting to its photograph. None: the goal has no photograph.
-    """
-
-    plan: Plan
-    done: int
-    expected: Tensor
-    loss_before: float
-    loss_after: float
-    forecast: SimilarityForecast | None = None
-
-    @property
-    def gain(self) -> float:
-        """Share of the old loss that the new plan removes."""
-        return 1 - self.loss_after / self.loss_before if self.loss_before > 0 else 0.0
-
-
-class Scheduled(Moment):
-    """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes.
-
-    pace: seconds that people wait per second of drying: 1 at a real easel, 0 in a studio that need not wait.
-    """
-
-    timetable: Timetable
-    done: int
-    pace: float = 1.0
-
-
-class GroundWanted(Moment):
-    """The canvas is bare; painting begins after a person has toned it in this colour, sRGB."""
-
-    color: tuple[float, float, float]
-
-
-class PaintsWanted(Moment):
-    """The paints of the next strokes are known; painting continues after a person has filled their wells."""
-
-    palette: Palette
-
-
-class TimelapseFrame(Moment):
-    """Rectified photograph for the film, [3, H, W]."""
-
-    photograph: Tensor
-    done: int
-    of: int
-    color: tuple[float, float, float]
-
-
-class Looked(Moment):
-    """The painter looked at the canvas after `done` strokes.
-
-    photograph, expected [3, H, W]: rectified photograph, and the expected picture.
-    """
-
-    photograph: Tensor
-    expected: Tensor
-    done: int
-
-
-class CanvasAssumed(Moment):
-    """Nobody looked: the painter goes on as if the canvas after `done` strokes were this picture, [3, H, W]."""
-
-    canvas: Tensor
-    done: int
-
-
-class Resumed(Moment):
-    """A painting goes on with a plan of all its strokes; `done` of them are on the canvas.
-
-    expected [3, H, W]: canvas after the plan, as far as it is known before the next look.
-    """
-
-    plan: Plan
-    done: int
-    expected: Tensor
-
-
-# Written events of a painting session: all are in the journal, some on the page.
-
-
-class PaintingBegun(Written):
+class PaintingBegun(Durable):
     """A painting began with these settings.
 
     rests_on: hashes, by name, of the other inputs of the painting.
@@ -464,7 +197,7 @@ class PaintingBegun(Written):
     program: str = ""
 
 
-class SessionResumed(Written):
+class SessionResumed(Durable):
     """A person resumed the painting; `done` strokes are on the canvas.
 
     in_doubt: stroke that was begun but may not be painted, or None.
@@ -480,13 +213,54 @@ class SessionResumed(Written):
     program: str = ""
 
 
-class PlanAdopted(Written):
+class WorkExpected(Event):
+    """Work that a sitting expects, before it is measured.
+
+    strokes: of the painting.
+    looks: numbers of painted strokes at the looks on the way.
+    planning, replanning: iterations of the plan, and of a replan at a look.
+    """
+
+    strokes: int
+    looks: tuple[int, ...]
+    planning: int
+    replanning: int
+
+
+class Resumed(Event):
+    """A painting goes on with a plan of all its strokes; `done` of them are on the canvas.
+
+    expected [3, H, W]: canvas after the plan, as far as it is known before the next look.
+    """
+
+    done: int
+    plan: Plan = live()
+    expected: Tensor = live()
+
+
+class PlanningStep(Event):
+    """The planner made iteration `iteration` of `of`.
+
+    phase: "plan" or "replan".
+    picture: file of the plan so far, if one was drawn.
+    parts: brush and current strokes of each part, in painting order.
+    """
+
+    phase: str
+    iteration: int
+    of: int
+    loss: float
+    picture: str = ""
+    parts: tuple[tuple[str, Strokes], ...] = live()
+
+
+class PlanAdopted(Durable):
     """Painting follows the plan with this digest, which has all strokes, from stroke `done` + 1 on.
 
     It is reported again after a look that kept the plan, with the newer placement.
     photograph: file of the photograph that the plan was made for.
     error, information: placement at that time.
-    depths, lower, touch_information: touch heights, as in TouchHeights; empty in records of earlier versions.
+    depths, lower, touch_information: touch heights, as in TouchHeights.
     answers: True if the rest answers a person, and is not on the way to the goal.
     """
 
@@ -501,7 +275,62 @@ class PlanAdopted(Written):
     answers: bool = False
 
 
-class MotionBegan(Written):
+class Planned(Event):
+    """A plan for all unpainted strokes is ready.
+
+    done: strokes painted so far.
+    strokes: in the new plan.
+    loss_before, loss_after: expected loss of the old and of the new plan; at first, of the bare canvas.
+    similarity: expected, least and most PSNR in dB of the painting to its photograph; None without one.
+    look: file of the picture of the finished painting, if a look led to this plan.
+    shown: pictures and paints of the plan for the page, as `draw_plan` tells them.
+    expected [3, H, W]: canvas after the plan.
+    """
+
+    done: int
+    strokes: int
+    loss_before: float
+    loss_after: float
+    similarity: tuple[float, float, float] | None = None
+    look: str = ""
+    shown: dict[str, Any] = field(default_factory=dict)
+    plan: Plan = live()
+    expected: Tensor = live()
+    forecast: SimilarityForecast | None = live()
+
+    @property
+    def gain(self) -> float:
+        """Share of the old loss that the new plan removes."""
+        return 1 - self.loss_after / self.loss_before if self.loss_before > 0 else 0.0
+
+
+class Scheduled(Event):
+    """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes.
+
+    pace: seconds that people wait per second of drying: 1 at a real easel, 0 in a studio that need not wait.
+    """
+
+    timetable: Timetable
+    done: int
+    pace: float = 1.0
+
+
+# Work of the robot and of the people who help it.
+
+
+class GroundWanted(Event):
+    """The canvas is bare; painting begins after a person has toned it in this colour, sRGB."""
+
+    color: tuple[float, float, float]
+
+
+class PaintsWanted(Event):
+    """Paints of the next strokes ("#rrggbb"); painting continues after a person has filled their wells."""
+
+    colors: tuple[str, ...]
+
+
+class MotionBegan(Durable):
     """The robot will now get motions with these labels.
 
     stroke: number of the stroke that they paint, or None.
@@ -513,7 +342,7 @@ class MotionBegan(Written):
     plan: str | None = None
 
 
-class Dipped(Written):
+class Dipped(Durable):
     """The brush took paint from well number `paint`, from 0.
 
     cleaned: True if the brush was rinsed and wiped before.
@@ -523,7 +352,7 @@ class Dipped(Written):
     cleaned: bool = False
 
 
-class StrokePainted(Written):
+class StrokePainted(Durable):
     """Stroke number `done` (from 1) of `of` is on the canvas; `color` is its sRGB.
 
     `of` is 0 and the colour is black if they are unknown.
@@ -534,10 +363,20 @@ class StrokePainted(Written):
     color: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-class Drying(Written):
+class StrokeLeftOut(Durable):
+    """A person who paints by hand left out stroke number `done` (from 1) of `of`.
+
+    It counts, but is not on the canvas.
+    """
+
+    done: int
+    of: int = 0
+
+
+class Drying(Durable):
     """A layer dries after `done` strokes; reported every minute until `left` is 0.
 
-    seconds, left: whole and remaining drying time: in the journal by the robot's clock, for listeners as people wait.
+    seconds, left: whole and remaining drying time by the robot's clock; people wait `Scheduled.pace` times as long.
     """
 
     done: int
@@ -545,7 +384,7 @@ class Drying(Written):
     left: float
 
 
-class LayerBegun(Written):
+class LayerBegun(Durable):
     """Layer number `layer` (from 1) begins or goes on after `done` strokes; its brush and paints are ready.
 
     first_paint: palette number, from 0, of the paint in the first well.
@@ -557,13 +396,73 @@ class LayerBegun(Written):
     first_paint: int = 0
 
 
-class BrushInHand(Written):
+class BrushInHand(Durable):
     """The robot holds this brush from now on: "" for none, None during a change."""
 
     brush: str | None
 
 
-class TouchCorrected(Written):
+# Looks at the canvas.
+
+
+class Photographed(Durable):
+    """A photograph for a decision was taken.
+
+    photograph: its file; None if there was no room to keep it.
+    captured_at: seconds of the robot's clock.
+    sequence: number from the camera.
+    light: light of the room, [3, terms].
+    content: sha256 of the file, None without one.
+    """
+
+    photograph: str | None
+    captured_at: float
+    sequence: int
+    light: list[list[float]] | None
+    content: str | None = None
+
+
+class CanvasPicture(Durable):
+    """Picture of the whole canvas after `done` strokes, without table, on an easel without a camera.
+
+    picture: its file; None if there was no room to keep it.
+    seen: True if a person took the picture, False if it is rendered from the painted strokes.
+    content: sha256 of the file.
+    canvas [3, H, W]: the picture.
+    """
+
+    picture: str | None
+    done: int
+    seen: bool = False
+    content: str | None = None
+    canvas: Tensor = live()
+
+
+class TimelapseFrame(Event):
+    """Rectified photograph for the film, [3, H, W], and its file."""
+
+    done: int
+    of: int
+    color: tuple[float, float, float]
+    picture: str | None = None
+    photograph: Tensor = live()
+
+
+class Looked(Event):
+    """The painter looked at the canvas after `done` strokes.
+
+    pictures: files of the canvas as it was "seen" and "expected", and of their "difference"; empty if there was no
+    room for them.
+    photograph, expected [3, H, W]: rectified photograph, and the expected picture.
+    """
+
+    done: int
+    pictures: dict[str, str] = field(default_factory=dict)
+    photograph: Tensor = live()
+    expected: Tensor = live()
+
+
+class TouchCorrected(Event):
     """After a look at stroke `done`, a brush is sent `lower` metres lower than its record; below 0: higher."""
 
     brush: str
@@ -582,7 +481,7 @@ class TouchCorrected(Written):
         )
 
 
-class LastLookDoubted(Written):
+class LastLookDoubted(Event):
     """All `done` strokes are painted, but the last photograph may not show them well; `reason` is a sentence."""
 
     reason: str
@@ -594,51 +493,17 @@ class LastLookDoubted(Written):
         return f"All {self.done} strokes are painted, and the last photograph may not show them well: {self.reason}"
 
 
-class StrokeLeftOut(Written):
-    """A person who paints by hand left out stroke number `done` (from 1) of `of`.
-
-    It counts, but is not on the canvas.
-    """
-
-    done: int
-    of: int = 0
-
-
-class Photographed(Written):
-    """A photograph for a decision was taken.
-
-    photograph: its file; None if there was no room to keep it.
-    captured_at: seconds of the robot's clock.
-    sequence: number from the camera.
-    light: light of the room, [3, terms].
-    content: sha256 of the file. None without a file, and in journals of earlier versions.
-    """
-
-    photograph: str | None
-    captured_at: float
-    sequence: int
-    light: list[list[float]] | None
-    content: str | None = None
-
+# Pauses, and what a person does in them.
 
 PauseCause = Literal["person", "button", "turn", "trouble"]
+PEN_LIMITS: tuple[tuple[str, float, float], ...] = (
+    ("place from the left", -1.0, 2.0), ("place from the top", -1.0, 2.0), ("press", 0.0, 1.0),
+    ("tilt", 0.0, math.pi / 2), ("direction of its tilt", -100.0, 100.0), ("time", 0.0, 600.0),
+)  # fmt: skip
+"""Values of each point of a pen: name, least and greatest value; see together.turns.PenStroke."""
 
 
-class CanvasPicture(Written):
-    """Picture of the whole canvas after `done` strokes, without table, on an easel without a camera.
-
-    picture: its file; None if there was no room to keep it.
-    seen: True if a person took the picture, False if it is rendered from the painted strokes.
-    content: sha256 of the file.
-    """
-
-    picture: str | None
-    done: int
-    seen: bool = False
-    content: str | None = None
-
-
-class Paused(Written):
+class Paused(Event):
     """The painting waits for a person; the arm is at home and the brush is clean. `reason` is a sentence.
 
     cause: "person" if a person asked for the pause, "button" if somebody pressed the machine's pause button, "turn" if
@@ -650,19 +515,123 @@ class Paused(Written):
     cause: PauseCause = "trouble"
 
 
-class Stopped(Written):
-    """A person stopped; `done` strokes are on the canvas, None if nothing was being painted."""
-
-    done: int | None = None
+class WentOn(Event):
+    """A pause has ended."""
 
 
-class Failed(Written):
-    """The work failed; `reason` is a sentence."""
+class Turns(Durable):
+    """Robot and person take turns of this many strokes or minutes; 0: no turns.
 
-    reason: str
+    policy, keep: how the robot answers what the person painted; see together.policies.
+    """
+
+    strokes: int
+    minutes: float = 0.0
+    policy: str = "alternate"
+    keep: Literal["welcome", "protect"] = "welcome"
 
 
-class Finished(Written):
+class RequestTaken(Durable):
+    """The painter does what a person asked for in a pause; if it breaks off meanwhile, a resumed painting does it.
+
+    request: command of the page; empty if the last one is done, or was refused.
+    """
+
+    request: dict[str, Any]
+
+
+class RegionProtected(Durable):
+    """A person drew a region: no stroke may touch it, or, with `only`, strokes may be only there.
+
+    region: file of the drawing in the painting's folder. None: nothing is protected any more.
+    picture: picture for the page.
+    """
+
+    region: str | None
+    only: bool = False
+    picture: str | None = None
+
+
+class GoalChanged(Durable):
+    """A person changed the goal.
+
+    goal: folder of the goal in the painting's folder.
+    wish: request of the page.
+    done: number of painted strokes.
+    facts: descriptions of the goal, and of how its pictures were made.
+    """
+
+    goal: str
+    wish: dict[str, Any]
+    done: int = 0
+    facts: tuple[str, ...] = ()
+
+
+class PicturesMade(Durable):
+    """A maker made pictures of words, to choose from.
+
+    maker: label of the maker
+    pictures: of each its file for the page, its file and folder of the making, and its seed; in a painting, the file is
+    in the painting's folder, and a person chooses one in the pause, or goes on without
+    best: index of the best one, by a rule that `rule` tells
+    faults: sentences about pictures that were left out
+    """
+
+    words: str
+    maker: str
+    pictures: list[dict[str, Any]]
+    best: int
+    rule: str
+    faults: list[str]
+
+
+class PersonMayPaint(Event):
+    """A person may paint on the canvas now.
+
+    brushes: name of each brush, and the widths of its marks in metres: `light` and `hard`.
+    wells: paints in the wells, as "#rrggbb".
+    """
+
+    brushes: list[dict[str, Any]]
+    wells: list[str]
+
+
+class PersonStrokeBegan(Durable):
+    """A person's stroke will now be painted on the canvas of a simulated easel, after `done` strokes of the robot.
+
+    number: from 1, over the whole painting.
+    stroke: as in hardware.easel.PersonStroke.
+    color: sRGB of its paint.
+    """
+
+    number: int
+    done: int
+    stroke: dict[str, Any]
+    color: tuple[float, float, float]
+
+
+class PersonStrokePainted(Durable):
+    """The person's stroke of this number is on the canvas, after `done` strokes of the robot."""
+
+    number: int
+    done: int
+
+
+class PersonPaintShown(Event):
+    """A person painted with a real brush, as two photographs of a pause show.
+
+    picture: the canvas with a line around it, for the page.
+    share: of the canvas.
+    """
+
+    picture: str
+    share: float
+
+
+# End of a painting.
+
+
+class Finished(Durable):
     """All `done` strokes are done.
 
     robot_seconds: seconds of the robot's clock in this run.
@@ -672,39 +641,38 @@ class Finished(Written):
     robot_seconds: float = 0.0
 
 
+class Finishing(Event):
+    """The robot no longer moves; film, page and exports are being made."""
+
+
 Notify = Callable[[Event], None]
 """Function that hears every event of a painting, such as each of the `listeners` of PaintingRun."""
 
 
-def kind_of(event: type[Written]) -> str:
+def kind_of(event: type[Event]) -> str:
     """Returns the name of a class of events in records: stroke_painted for StrokePainted."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", event.__name__).lower()
 
 
-KINDS: Mapping[str, type[Written]] = {kind_of(each): each for each in Written.__subclasses__()}
-_FORMER_KINDS = {"plan_wished": "plan_requested"}  # some feeds of 0.2
+KINDS: Mapping[str, type[Event]] = {
+    kind_of(each): each for each in (*Event.__subclasses__(), *Durable.__subclasses__()) if each is not Durable
+}
 
 
-def record(event: Written) -> dict[str, Any]:
-    """Returns the JSON form of an event, with the current time.
-
-    Raises TypeError for a moment, which has no JSON form.
-    """
-    if not isinstance(event, Written):
-        raise TypeError(f"{type(event).__name__} carries what is not written down; tell what was made of it.")
+def record(event: Event) -> dict[str, Any]:
+    """Returns the JSON form of an event, without its live fields, with the current time."""
     at = datetime.now(UTC).isoformat(timespec="milliseconds")
-    return {"kind": kind_of(type(event)), "at": at, **asdict(event)}
+    dropped = _live_fields(kind_of(type(event)))
+    told = asdict(replace(event, **dict.fromkeys(dropped)))
+    return {"kind": kind_of(type(event)), "at": at, **{name: told[name] for name in told if name not in dropped}}
 
 
-def events_of(written: Mapping[str, Any]) -> list[Written]:
+def events_of(written: Mapping[str, Any]) -> list[Event]:
     """Returns the event of a record; an empty list for an unknown kind.
 
     Raises ValueError if a field is missing or has a wrong type.
     """
-    kind = _FORMER_KINDS.get(str(written.get("kind")), str(written.get("kind")))
-    if kind == "paused" and "cause" not in written:  # records of 0.2 say `turn`, and of 0.3 `asked`
-        cause = "turn" if written.get("turn") else "person" if written.get("asked") else "trouble"
-        written = {**written, "cause": cause}
+    kind = str(written.get("kind"))
     return [_adapter(kind).validate_python(dict(written))] if kind in KINDS else []
 
 
@@ -714,5 +682,10 @@ def time_of(written: Mapping[str, Any]) -> datetime:
 
 
 @functools.cache
-def _adapter(kind: str) -> TypeAdapter[Written]:
+def _live_fields(kind: str) -> frozenset[str]:
+    return frozenset(each.name for each in fields(KINDS[kind]) if each.metadata.get("live"))
+
+
+@functools.cache
+def _adapter(kind: str) -> TypeAdapter[Event]:
     return TypeAdapter(KINDS[kind])

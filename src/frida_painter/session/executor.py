@@ -8,14 +8,12 @@ import itertools
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
-from types import TracebackType
-from typing import NamedTuple, Protocol, Self, TypeVar
+from typing import NamedTuple, TypeVar
 
 from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
 from frida_painter.hardware.robot import PausableRobot
-from frida_painter.palette import Palette
+from frida_painter.palette import Palette, to_hex
 from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action
 from frida_painter.session.controls import Controls
@@ -23,8 +21,8 @@ from frida_painter.session.events import (
     BrushInHand,
     Dipped,
     Drying,
+    Durable,
     GroundWanted,
-    LayerBegun,
     MotionBegan,
     Notify,
     PaintsWanted,
@@ -35,7 +33,7 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
-from frida_painter.session.observer import Timelapse
+from frida_painter.session.observer import FrameDeveloper, Timelapse
 from frida_painter.session.progress import PaintingProgress
 
 # Interruptions of a painting: a stop or a pause by a person, a full disk, a camera that fails.
@@ -43,9 +41,9 @@ from frida_painter.session.progress import PaintingProgress
 _T = TypeVar("_T")
 _BETWEEN_PRESSES = 0.2  # seconds between two questions about the machine's pause button
 _REASONS: dict[PauseCause, str] = {
-    "person": "You asked for a pause.",
+    "person": "You asked for a pause: the brush is clean, the arm aside. You may paint on the canvas.",
     "button": "Somebody pressed the pause button of the machine; press it again to go on.",
-    "turn": "It is your turn to paint.",
+    "turn": "It is your turn: paint what you like, then let the robot go on.",
     "trouble": "Something is wrong.",
 }
 
@@ -137,27 +135,14 @@ class Desk(NamedTuple):
     progress: PaintingProgress
     tell: Notify
 
+    def note(self, event: Durable) -> None:
+        """Writes an event that resuming needs, again after a pause if the disk fails, and then reports it."""
+        self.interruptions.retry(partial(self.journal.tell, event))
+        self.tell(event)
+
 
 class StopAsked(Exception):
     """Signal that a person wants to stop; the session then ends the painting in order."""
-
-
-class FrameMaker(Protocol):
-    """Maker of the film's frames during a batch, used in a `with` block: `FrameDeveloper` or `ExpectedFrames`."""
-
-    def take(self, painted: StrokePainted, last_motion: float) -> None:
-        """Takes a frame after a stroke."""
-
-    def wait(self) -> None:
-        """Waits until all frames are reported."""
-
-    def __enter__(self) -> Self:
-        """Begins the batch."""
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Ends the batch."""
 
 
 _STEP = 10.0  # seconds of drying that a simulated easel simulates at a time
@@ -172,9 +157,10 @@ class BatchExecutor:
     film: returns what makes these frames during a batch.
     """
 
-    def __init__(self, hand: Hand, film: Callable[[], FrameMaker], timelapse: Timelapse, desk: Desk) -> None:
+    def __init__(self, hand: Hand, film: Callable[[], FrameDeveloper], timelapse: Timelapse, desk: Desk) -> None:
         self._hand, self._open_film, self._timelapse = hand, film, timelapse
         self._journal, self._interruptions, self._progress, self._tell = desk
+        self._note = desk.note
         self._told: str | None = None  # brush in the hand, as last reported to listeners
         self._filmed: int | None = None  # frames that were due at the last frame; None before painting
 
@@ -204,7 +190,7 @@ class BatchExecutor:
 
     def fill_wells(self, palette: Palette) -> None:
         """Reports the wanted paints, and waits until their wells are filled."""
-        self._tell(PaintsWanted(palette))
+        self._tell(PaintsWanted(tuple(map(to_hex, palette.color))))
         self._hand.easel.operator.fill_wells(palette)
 
     def change_brush(self, brush: str) -> bool:
@@ -221,11 +207,11 @@ class BatchExecutor:
                 self._change_in_rack(brush)
             else:
                 self._interruptions.retry(self.step_aside)
-                self._tell(BrushInHand(None))
+                self._note(BrushInHand(None))
                 hand.change_brush(brush)
         if self._told != brush:
             self._told = brush
-            self._tell(BrushInHand(brush))
+            (self._tell if hand.has_rack else self._note)(BrushInHand(brush))
         return changes
 
     def put_brush_back(self) -> None:
@@ -246,11 +232,6 @@ class BatchExecutor:
             if stoppable:
                 self._interruptions.check()
 
-    def begin_layer(self, begun: LayerBegun) -> None:
-        """Notes and reports that brush and paints of a layer are ready."""
-        self._interruptions.retry(partial(self._journal.tell, begun))
-        self._tell(begun)
-
     def let_dry(self) -> None:
         """Cleans the brush, moves the arm to its home position and waits until the paint is dry.
 
@@ -265,7 +246,8 @@ class BatchExecutor:
         dry_at, told = time.monotonic() + left, math.inf
         while True:
             if left == 0 or told - left >= _BETWEEN_WORDS:
-                told = self._tell_drying(left)
+                told = left
+                self._note(Drying(progress.painted, self._hand.drying, round(left, 1)))
             progress.wet = left
             self._interruptions.check()
             if left == 0:
@@ -296,15 +278,7 @@ class BatchExecutor:
         self._journal.tell(MotionBegan(("home",)))
         self._hand.step_aside()
 
-    def _tell_drying(self, left: float) -> float:
-        """Notes the remaining seconds of drying, reports them if people wait for them, and returns them."""
-        drying = Drying(self._progress.painted, self._hand.drying, round(left, 1))
-        self._interruptions.retry(partial(self._journal.tell, drying))
-        if pace := self._hand.easel.drying_pace:
-            self._tell(replace(drying, seconds=drying.seconds * pace, left=round(left * pace, 1)))
-        return left
-
-    def _perform(self, action: Action, plan: Plan, frames: FrameMaker, *, leaves: bool) -> bool:
+    def _perform(self, action: Action, plan: Plan, frames: FrameDeveloper, *, leaves: bool) -> bool:
         """Notes and performs an action; returns False if it could not be noted, and the painting has paused.
 
         leaves: True if the hand leaves the canvas afterwards anyway.
@@ -315,7 +289,7 @@ class BatchExecutor:
             self._interruptions.pause(str(trouble), trouble=trouble)
             return False
         done = self._hand.perform(action)
-        self._interruptions.retry(partial(self._journal.ends, done))
+        self._interruptions.retry(partial(self._journal.tell, done))
         self._tell(done)
         if isinstance(done, StrokeLeftOut):
             self._progress.canvas.left_out.add(done.done - 1)
@@ -326,7 +300,7 @@ class BatchExecutor:
             self._interruptions.check(before_pause=frames.wait)  # a pause shows the current canvas
         return True
 
-    def _film(self, painted: StrokePainted, frames: FrameMaker, *, leaves: bool) -> None:
+    def _film(self, painted: StrokePainted, frames: FrameDeveloper, *, leaves: bool) -> None:
         """Takes the film's next frame if it is due; a camera sees the canvas only with the arm at home."""
         done, has_camera = painted.done, self._hand.easel.has_camera
         of = self._progress.most or painted.of

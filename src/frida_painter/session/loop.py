@@ -27,13 +27,14 @@ import torch
 from torch import Tensor
 
 from frida_painter.calibration import WetPaint
-from frida_painter.errors import FridaError
+from frida_painter.errors import FridaError, PaintingPaused, RobotStopped
 from frida_painter.palette import to_hex
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.registry import Later
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
+    Durable,
     Event,
     Failed,
     Finished,
@@ -41,7 +42,6 @@ from frida_painter.session.events import (
     Notify,
     Resumed,
     Stopped,
-    Written,
 )
 from frida_painter.session.executor import BatchExecutor, Desk, Interruptions, StopAsked
 from frida_painter.session.hand import Hand
@@ -100,14 +100,14 @@ class PaintingSession:
         self._controls, extent = controls or Controls(), extent or Extent()
         self._progress = PaintingProgress(most=extent.most)
         self.interruptions: Final = Interruptions(
-            hand, self._tell, self._controls, painted=lambda: self._progress.painted, between=self._take_given
+            hand, self.tell, self._controls, painted=lambda: self._progress.painted, between=self._take_given
         )
         frames = Timelapse(extent.frames)
-        desk = Desk(self.journal, self.interruptions, self._progress, self._tell)
+        desk = Desk(self.journal, self.interruptions, self._progress, self.tell)
         self._plans = PlanKeeper(planner, hand, policy, frames, desk, extent.seconds)
         sees = hand.easel.has_camera
-        developed, expected = partial(FrameDeveloper, observer), partial(ExpectedFrames, self._plans, self._progress)
-        film = partial(developed if sees else expected, self._tell)
+        expected = partial(ExpectedFrames, observer, self._plans, self._progress)
+        film = partial(partial(FrameDeveloper, observer) if sees else expected, self.tell)
         self._executor = BatchExecutor(hand, film, frames, desk)
         self._monitor: ExecutionMonitor | OpenLoopMonitor = (
             ExecutionMonitor(self._plans, self._executor, hand, observer, desk)
@@ -162,10 +162,14 @@ class PaintingSession:
             else:
                 self._plans.keep()
 
-    def note(self, event: Written) -> None:
+    def tell(self, event: Event) -> None:
+        """Reports an event to the listeners; the engine shows it in the journal."""
+        self._notify(event)
+
+    def note(self, event: Durable) -> None:
         """Notes in the journal what a person does in a pause, then tells it. Raises StorageError."""
         self.journal.tell(event)
-        self._tell(event)
+        self.tell(event)
 
     @property
     def in_turns(self) -> bool:
@@ -250,7 +254,7 @@ class PaintingSession:
                 self.hand.easel.operator.fill_wells(mixed)
                 progress.wells = mixed
         if len(rest.layers) > 1 and (changes or progress.begins_layer):
-            self._executor.begin_layer(LayerBegun(progress.painted, number + 1, layer.brush, layer.paints[0]))
+            self._desk.note(LayerBegun(progress.painted, number + 1, layer.brush, layer.paints[0]))
 
     def _tone(self, ground: tuple[float, float, float]) -> Tensor:
         """Has the canvas toned and returns it, [3, H, W]; pauses once if its colour differs from the ground."""
@@ -268,7 +272,7 @@ class PaintingSession:
     def _begin_again(self, where: ResumeState) -> None:
         self._progress.go_on_from(where)
         self._began_at = self.hand.last_motion
-        self._tell(Resumed(where.plan, where.painted, self.planner.expected(self.rest, where.now)))
+        self.tell(Resumed(where.painted, plan=where.plan, expected=self.planner.expected(self.rest, where.now)))
         self._plans.schedule()
         if self.hand.has_rack:
             if self.hand.held:
@@ -292,18 +296,15 @@ class PaintingSession:
             begin()
             self._paint()
         except StopAsked:
-            self._tell(Stopped(progress.painted))
+            self.tell(Stopped(progress.painted))
             stopped = True
         except FridaError as trouble:
-            self.journal.hear(Failed(str(trouble)))
+            gave_up = isinstance(trouble, RobotStopped | PaintingPaused)
+            self.tell(Stopped(progress.painted) if gave_up else Failed(str(trouble)))
             raise
         took = self.hand.last_motion - self._began_at
         self._executor.put_brush_back()
         photograph = self.look()
-        end = Stopped(progress.painted) if stopped else Finished(progress.painted, round(took, 3))
-        self.interruptions.retry(partial(self.journal.tell, end))
+        if not stopped:
+            self._desk.note(Finished(progress.painted, round(took, 3)))
         return progress.as_painting(photograph, took)
-
-    def _tell(self, event: Event) -> None:
-        self.journal.hear(event)
-        self._notify(event)

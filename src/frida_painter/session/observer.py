@@ -343,7 +343,7 @@ class FrameDeveloper:
         if self._in_hand is not None:
             (painted, frame), self._in_hand = self._in_hand, None
             with contextlib.suppress(CameraError):
-                self._notify(TimelapseFrame(frame.result(), painted.done, painted.of, painted.color))
+                self._notify(TimelapseFrame(painted.done, painted.of, painted.color, photograph=frame.result()))
 
     def __enter__(self) -> Self:
         return self

@@ -8,8 +8,6 @@ in the journal, so that a painting is resumed from exactly that picture.
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from types import TracebackType
-from typing import Self
 
 import torch
 from torch import Tensor
@@ -21,10 +19,10 @@ from frida_painter.errors import FrameRejected
 from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
 from frida_painter.render.painting import render_on
-from frida_painter.session.events import CanvasAssumed, Looked, Notify, StrokePainted, TimelapseFrame
+from frida_painter.session.events import Looked, Notify, StrokePainted, TimelapseFrame
 from frida_painter.session.executor import BatchExecutor, Desk
 from frida_painter.session.hand import Hand
-from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS
+from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS, CanvasObserver, FrameDeveloper
 from frida_painter.session.plan_keeper import PlanKeeper
 from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.replan_policy import CanvasSeen
@@ -118,8 +116,8 @@ class OpenLoopMonitor:
                 "take a new one."
             )
         expected, self._pictured = self.expect(done), done
-        self._interruptions.retry(partial(self._journal.record_picture, canvas, done))
-        self._tell(Looked(canvas, expected, done))
+        self._interruptions.retry(partial(self._journal.record_canvas, canvas, done, seen=True))
+        self._tell(Looked(done, photograph=canvas, expected=expected))
         progress.canvas.saw(canvas, done)
         if done < progress.painted:
             self.observe()
@@ -132,16 +130,16 @@ class OpenLoopMonitor:
         progress = self._progress
         canvas = self.expect(progress.painted)
         self._interruptions.touched = False
-        self._journal.record_assumption(canvas, progress.painted)
-        self._tell(CanvasAssumed(canvas, progress.painted))
+        self._tell(self._journal.record_canvas(canvas, progress.painted))
         return canvas
 
 
-class ExpectedFrames:
-    """Makes the frames of the film from the painted strokes; used in a `with` block, like `FrameDeveloper`."""
+class ExpectedFrames(FrameDeveloper):
+    """Makes the frames of the film from the painted strokes, each at once."""
 
-    def __init__(self, plans: PlanKeeper, progress: PaintingProgress, notify: Notify) -> None:
-        self._plans, self._progress, self._notify = plans, progress, notify
+    def __init__(self, observer: CanvasObserver, plans: PlanKeeper, progress: PaintingProgress, notify: Notify) -> None:
+        super().__init__(observer, notify)
+        self._plans, self._progress = plans, progress
         self._shown: tuple[Tensor, Tensor, int] | None = None  # known canvas, frame after it, and its strokes
 
     def take(self, painted: StrokePainted, last_motion: float) -> None:
@@ -155,15 +153,4 @@ class ExpectedFrames:
         since = plan.part([index for index in range(done, painted.done) if index not in progress.canvas.left_out])
         frame = paint_on_paper(since, planner.models, frame, TIMELAPSE_ROWS)
         self._shown = known, frame, painted.done
-        self._notify(TimelapseFrame(frame, painted.done, painted.of, painted.color))
-
-    def wait(self) -> None:
-        """Does nothing: a frame is reported at once."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Does nothing."""
+        self._notify(TimelapseFrame(painted.done, painted.of, painted.color, photograph=frame))

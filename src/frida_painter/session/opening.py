@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from frida_painter import storage
-from frida_painter.calibration import PROCEDURES, Calibration, Done, LearnedFile
+from frida_painter.calibration import PROCEDURES, Calibration, Done
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.errors import CalibrationError, StorageError
@@ -137,19 +137,15 @@ def _outrun(procedure: str, done: Done, record: Calibration, found: dict[str, Pr
 
 
 def _describe_lost(procedure: str, record: Calibration) -> str:
-    if procedure != "strokes":
-        return ""
     for what, file in (("stroke library", record.library), ("weights", record.weights)):
-        if file is not None and not _is_there(file):
-            return f"The {what} {file.path} of the record is gone or was changed; repeat the strokes calibration"
+        if procedure == "strokes" and file is not None:
+            try:
+                same = storage.sha256(Path(file.path), "a file of the record") == file.sha256
+            except StorageError:
+                same = False
+            if not same:
+                return f"The {what} {file.path} of the record is gone or was changed; repeat the strokes calibration"
     return ""
-
-
-def _is_there(file: LearnedFile) -> bool:
-    try:
-        return storage.sha256(Path(file.path), "a file of the record") == file.sha256
-    except StorageError:
-        return False
 
 
 def _days(done: Done | None, now: datetime) -> int | None:

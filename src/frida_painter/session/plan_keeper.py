@@ -231,7 +231,12 @@ class PlanKeeper:
             unseen = self._policy.next_look(progress.painted, progress.strokes) - progress.painted
         expected, after = planner.expected(rest, canvas, wetness), planner.expected_loss(rest, canvas, wetness)
         forecast = planner.forecast(rest, canvas, placement, unseen, wetness)
-        self._tell(Planned(rest, progress.painted, expected, before, after, forecast))
+        similarity = None if forecast is None else (forecast.expected, forecast.least, forecast.most)
+        self._tell(
+            Planned(
+                progress.painted, len(rest), before, after, similarity, plan=rest, expected=expected, forecast=forecast
+            )
+        )
         return after
 
     def _loss(self) -> float:
@@ -278,7 +283,7 @@ class PlanKeeper:
         """Returns a callback that reports planning steps and stops the planner if a person wants that."""
 
         def tell(step: Step) -> None:
-            self._tell(PlanningStep(phase, step.iteration, step.of, step.loss, step.parts))
+            self._tell(PlanningStep(phase, step.iteration, step.of, step.loss, parts=step.parts))
             plan = self._progress.plan
             self._interruptions.check()
             if self._progress.plan is not plan:
@@ -335,7 +340,7 @@ class ExecutionMonitor:
         canvas, progress, planner = self.look(), self._progress, self._plans.planner
         batch, last = progress.batch, progress.canvas.last_seen
         expected = planner.expected(batch, last)
-        self._tell(Looked(canvas, expected, progress.painted))
+        self._tell(Looked(progress.painted, photograph=canvas, expected=expected))
         if len(batch) and not progress.remark:  # the landed strokes show how to correct the robot
             self._learn(planner.locate(batch, self._hand.placement, last, canvas))
             if alone:

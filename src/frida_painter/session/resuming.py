@@ -2,7 +2,7 @@
 
 import contextlib
 from collections.abc import Callable, Mapping, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +25,10 @@ from frida_painter.perception.rectify import rectify
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region, region_of
+from frida_painter.session.events import PlanAdopted
+from frida_painter.session.fold import PaintingState
 from frida_painter.session.hand import Hand
-from frida_painter.session.journal import A_PHOTOGRAPH, PHOTOGRAPHS, PLAN, History, Planning
+from frida_painter.session.journal import A_PHOTOGRAPH, PHOTOGRAPHS, PLAN
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver
 from frida_painter.session.open_loop import Models, bare_paper, paint_on_paper
 
@@ -39,37 +41,37 @@ class KeptPlan:
     """
 
     plan: Plan
-    planning: Planning
-    foreign: bool
+    planning: PlanAdopted
+    foreign: bool = False
 
 
-def load_kept_plan(folder: Path, history: History) -> KeptPlan | None:
+def load_kept_plan(folder: Path, state: PaintingState) -> KeptPlan | None:
     """Returns the plan to go on with; None if the painting broke off before the first plan.
 
     Raises PlanError if the plan is damaged, or if all its strokes are already painted.
     """
-    if not history.plannings or (history.painted == 0 and not (folder / PLAN).exists()):
+    if not state.plannings or (state.painted == 0 and not (folder / PLAN).exists()):
         return None
     plan = Plan.load(folder)
-    last = history.plannings[-1]
-    if plan.digest == last.digest:
-        return KeptPlan(plan, last, foreign=False)
+    last = state.plannings[-1]
+    if plan.digest == last.plan:
+        return KeptPlan(plan, last)
     # The painting broke off after the journal's note of a replan and before the plan was saved.
-    earlier = [planning for planning in history.plannings if planning.digest != last.digest]
-    unpainted = history.painted == last.done and history.in_doubt is None
-    if earlier and unpainted and plan.digest == earlier[-1].digest:
-        return KeptPlan(plan, earlier[-1], foreign=False)
-    if len(plan) <= history.painted:
+    earlier = [planning for planning in state.plannings if planning.plan != last.plan]
+    unpainted = state.painted == last.done and state.in_doubt is None
+    if earlier and unpainted and plan.digest == earlier[-1].plan:
+        return KeptPlan(plan, earlier[-1])
+    if len(plan) <= state.painted:
         raise PlanError(
-            f"{folder / PLAN} has {len(plan)} strokes, of which {history.painted} are painted already; "
+            f"{folder / PLAN} has {len(plan)} strokes, of which {state.painted} are painted already; "
             "bring the plan of this painting back."
         )
-    return KeptPlan(plan, Planning(plan.digest, last.done, last.photograph, last.placement), foreign=True)
+    return KeptPlan(plan, replace(last, plan=plan.digest, answers=False), foreign=True)
 
 
 def changes(
     folder: Path,
-    history: History,
+    state: PaintingState,
     settings: Mapping[str, Any],
     rests_on: Mapping[str, str],
     kept: KeptPlan | None,
@@ -80,31 +82,31 @@ def changes(
     log_records_missing: number of records lost at the end of a simulated studio's log.
     """
     lines = [
-        f"{name}: it was {history.settings.get(name)!r}, and is {settings.get(name)!r}"
-        for name in sorted({*history.settings, *settings})
-        if history.settings.get(name) != settings.get(name)
+        f"{name}: it was {state.settings.get(name)!r}, and is {settings.get(name)!r}"
+        for name in sorted({*state.settings, *settings})
+        if state.settings.get(name) != settings.get(name)
     ]
     lines += [
-        f"{name}: it was {_short(history.rests_on.get(name))}, and is {_short(rests_on.get(name))}"
-        for name in sorted({*history.rests_on, *rests_on})
-        if history.rests_on.get(name) != rests_on.get(name)
+        f"{name}: it was {_short(state.rests_on.get(name))}, and is {_short(rests_on.get(name))}"
+        for name in sorted({*state.rests_on, *rests_on})
+        if state.rests_on.get(name) != rests_on.get(name)
     ]
     lines += [
-        f"{name}: it is {fault}" for name in history.photographs if (fault := _fault(folder, name, history)) is not None
+        f"{name}: it is {fault}" for name in state.photographs if (fault := _fault(folder, name, state)) is not None
     ]
-    if history.missing:
-        lines.append(f"journal: its last {_records(history.missing)} gone, and their strokes would be painted again")
+    if state.missing:
+        lines.append(f"journal: its last {_records(state.missing)} gone, and their strokes would be painted again")
     if log_records_missing:
         lines.append(
             f"{SIMULATION_LOG}: its last {_records(log_records_missing)} gone, and what they put on the virtual canvas"
         )
     if kept is not None and kept.foreign:
-        noted = history.plannings[-1].digest
+        noted = state.plannings[-1].plan
         lines.append(f"plan: it was {_short(noted)}, and is {_short(kept.plan.digest)}, of {len(kept.plan)} strokes")
     return lines
 
 
-def _fault(folder: Path, name: str, history: History) -> str | None:
+def _fault(folder: Path, name: str, state: PaintingState) -> str | None:
     """Returns the fault of a photograph that the painting relies on; None if it is unchanged."""
     if not storage.exists(folder / name):
         return "gone"
@@ -112,10 +114,10 @@ def _fault(folder: Path, name: str, history: History) -> str | None:
         content = storage.sha256(folder / name, A_PHOTOGRAPH)
     except StorageError:
         return "no file that can be read"
-    return None if history.photographs[name] in (None, content) else "another one than was taken"
+    return None if state.photographs[name] in (None, content) else "another one than was taken"
 
 
-def recall_brush(hand: Hand, history: History, answer: Callable[[Question], Answer] | None) -> None:
+def recall_brush(hand: Hand, state: PaintingState, answer: Callable[[Question], Answer] | None) -> None:
     """Restores the brush that a robot with a rack held when the painting broke off; if unknown, asks a person.
 
     Call it before anything moves. Raises Interrupted if nobody answers, and the errors of `Hand.require_rack`.
@@ -123,20 +125,19 @@ def recall_brush(hand: Hand, history: History, answer: Callable[[Question], Answ
     if hand.has_rack:
         hand.require_rack()
         names = [kind.name for kind in (hand.brush, *hand.others)]
-        hand.held = brush_in_hand(names, answer) if history.held is None else history.held
+        hand.held = brush_in_hand(names, answer) if state.held is None else state.held
 
 
-def light(history: History) -> FlatField | None:
+def light(state: PaintingState) -> FlatField | None:
     """Returns the light of the room from the journal; None before the first look."""
-    return None if history.light is None else FlatField.of(history.light)
+    return None if state.light is None else FlatField.of(state.light)
 
 
-def region(folder: Path, history: History) -> Region | None:
+def region(folder: Path, state: PaintingState) -> Region | None:
     """Returns the protected region that a person drew; None if there is none. Raises ImageError."""
-    if history.region is None:
+    if state.region is None:
         return None
-    drawn, only = history.region
-    return region_of(images.load(folder / drawn), only_inside=only)
+    return region_of(images.load(folder / str(state.region.region)), only_inside=state.region.only)
 
 
 def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:
@@ -147,50 +148,48 @@ def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:
         return None
 
 
-def last_photograph(folder: Path, history: History) -> NDArray[np.uint8] | None:
+def last_photograph(folder: Path, state: PaintingState) -> NDArray[np.uint8] | None:
     """Returns the last photograph for a decision; None if there is none, or if it is lost."""
     try:
-        return None if history.last_photograph is None else images.load_exactly(folder / history.last_photograph)
+        return None if state.last_photograph is None else images.load_exactly(folder / state.last_photograph)
     except ImageError:
         return None
 
 
-def expect_canvas(kept: KeptPlan, history: History, planner: Planner, before: Tensor) -> Expected:
+def expect_canvas(kept: KeptPlan, state: PaintingState, planner: Planner, before: Tensor) -> Expected:
     """Returns the expected canvas: `before` with the strokes painted since, including the stroke in doubt."""
-    until = history.painted if history.in_doubt is None else history.in_doubt
+    until = state.painted if state.in_doubt is None else state.in_doubt
     since = kept.plan.part(slice(kept.planning.done, until))
     return Expected(before, planner.expected(since, before) if len(since) else before)
 
 
-def last_canvas(folder: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor:
+def last_canvas(folder: Path, state: PaintingState, size: CanvasSize, calibration: Path) -> Tensor:
     """Returns the canvas [3, H, W] of the last photograph, or of the saved picture if that photograph is lost.
 
     calibration: record that it was painted with.
     Without a camera, returns the canvas as it was last assumed.
     Raises ImageError if both are lost.
     """
-    if history.assumed is not None and storage.exists(folder / history.assumed):
-        return images.load(folder / history.assumed)
+    if state.assumed is not None and storage.exists(folder / state.assumed):
+        return images.load(folder / state.assumed)
     seen = (
-        None
-        if history.last_photograph is None
-        else load_canvas(folder / history.last_photograph, history, size, calibration)
+        None if state.last_photograph is None else load_canvas(folder / state.last_photograph, state, size, calibration)
     )
     return images.load(folder / "painting.png") if seen is None else seen
 
 
-def first_canvas(folder: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
+def first_canvas(folder: Path, state: PaintingState, size: CanvasSize, calibration: Path) -> Tensor | None:
     """Returns the canvas [3, H, W] before the first stroke; None if its photograph is lost."""
-    began = next((planning.photograph for planning in history.plannings if planning.done == 0), None)
-    return None if began is None else load_canvas(folder / began, history, size, calibration)
+    began = next((planning.photograph for planning in state.plannings if planning.done == 0), None)
+    return None if began is None else load_canvas(folder / began, state, size, calibration)
 
 
-def load_canvas(photograph: Path, history: History, size: CanvasSize, calibration: Path) -> Tensor | None:
+def load_canvas(photograph: Path, state: PaintingState, size: CanvasSize, calibration: Path) -> Tensor | None:
     """Returns the canvas in a photograph of the painting.
 
     None if the photograph, the record or the light is unknown.
     """
-    known_light = light(history)
+    known_light = light(state)
     try:
         taken, known = images.load_exactly(photograph), Calibration.load(calibration)
     except (ImageError, CalibrationError):

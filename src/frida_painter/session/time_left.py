@@ -6,34 +6,11 @@ choreography.py computes it from the robot's speeds and accelerations.
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from statistics import median
 
-from frida_painter.session.events import (
-    Answered,
-    Asked,
-    BrushInHand,
-    Dipped,
-    Drying,
-    Event,
-    GroundWanted,
-    LayerBegun,
-    Mixing,
-    PaintsWanted,
-    Paused,
-    PersonStrokeBegan,
-    PersonStrokePainted,
-    Planned,
-    PlanningStep,
-    Resumed,
-    Scheduled,
-    StrokeLeftOut,
-    StrokePainted,
-    Timetable,
-    WentOn,
-)
-from frida_painter.session.replan_policy import ReplanPolicy, looks_on_the_way
+from frida_painter.session import events
+from frida_painter.session.events import Event
 
 # Guesses before a measurement, in seconds: of an iteration of one stroke, of a painted stroke without a timetable,
 # and of a second of a simulated robot's timetable.
@@ -53,12 +30,6 @@ class Pace:
     guess: float = math.inf
     spent: float = 0.0
     units: float = 0.0
-
-    @classmethod
-    def of_earlier_work(cls, measured: Iterable[float], guess: float) -> "Pace":
-        """Returns a pace that starts from earlier work: the median of its seconds per unit, or `guess` if none."""
-        known = list(measured)
-        return cls(median(known) if known else guess)
 
     def measure(self, seconds: float, units: float) -> None:
         """Adds a measurement: `units` took `seconds`."""
@@ -114,10 +85,17 @@ class PlanTime:
 
 
 _PERSON = (
-    Paused | GroundWanted | PaintsWanted | Mixing | Asked | Answered | PersonStrokeBegan | PersonStrokePainted
-)  # a person is waited for from now on
-_ROBOT = WentOn | Dipped | LayerBegun | BrushInHand | StrokePainted | StrokeLeftOut  # the robot is at work again
-_COMPUTING = PlanningStep | Planned | Scheduled | Resumed  # the time before these was no painting
+    events.Paused | events.GroundWanted | events.PaintsWanted | events.Asked | events.Answered
+    | events.PersonStrokeBegan | events.PersonStrokePainted
+)  # fmt: skip
+"""A person is waited for after these."""
+_ROBOT = (
+    events.WentOn | events.MotionBegan | events.Dipped | events.LayerBegun | events.BrushInHand | events.StrokePainted
+    | events.StrokeLeftOut
+)  # fmt: skip
+"""The robot is at work again."""
+_COMPUTING = events.PlanningStep | events.PlanAdopted | events.Planned | events.Scheduled | events.Resumed
+"""The time before these was no painting."""
 
 
 class RemainingTime:
@@ -128,29 +106,29 @@ class RemainingTime:
     the paint dries as long as the timetable says. Seconds count as painting only if a stroke follows.
     """
 
-    def __init__(self, strokes: int, policy: ReplanPolicy, now: float, *, planning: int, replanning: int) -> None:
-        self._strokes = strokes
-        self._looks = looks_on_the_way(policy, strokes)
-        self._replans = [float(replanning * (strokes - done)) for done in self._looks]
-        self._plan_left = float(planning * strokes)
+    def __init__(self) -> None:
+        self._strokes = 0
+        self._looks: list[int] = []
+        self._replans: list[float] = []
+        self._plan_left = 0.0
         self._painted = 0
-        self._last = now
+        self._last: float | None = None
         self._planning = Pace(_PLANNING)
         self._painting = Pace(_STROKE)
-        self._plan = Scheduled(Timetable(), 0)
+        self._plan = events.Scheduled(events.Timetable(), 0)
         self._walked = 0.0
         self._dries = 0.0  # seconds of drying in the rest of the timetable
         self._share = 0.0  # of the current plan or replan
-        self._wet: float | None = None  # seconds that a layer still dries
+        self._wet: float | None = None  # seconds that a layer still dries, by the robot's clock
         self._steps = False  # True after an iteration of a plan
         self._waits = False  # True while a person is waited for
         self._since: float | None = 0.0  # seconds of painting since the last stroke; None if a person had some of them
 
     def hear(self, event: Event, now: float) -> None:
         """Receives an event at time `now` (seconds)."""
-        passed, self._last = now - self._last, now
-        steps, self._steps = self._steps, isinstance(event, PlanningStep)
-        person = isinstance(event, _PERSON) or event == BrushInHand(None)
+        passed, self._last = max(0.0, now - (now if self._last is None else self._last)), now
+        steps, self._steps = self._steps, isinstance(event, events.PlanningStep)
+        person = isinstance(event, _PERSON) or event == events.BrushInHand(None)
         counts = self._wet is None and not person and (not self._waits or (steps and self._steps))
         if self._wet is None and not counts:
             self._since = None
@@ -158,7 +136,11 @@ class RemainingTime:
             self._since += passed
         self._waits = person or (self._waits and not isinstance(event, _ROBOT))
         match event:
-            case PlanningStep(phase, iteration, of):
+            case events.WorkExpected(strokes, looks, planning, replanning):
+                self._strokes, self._looks = strokes, [look for look in looks if look > self._painted]
+                self._replans = [float(replanning * (strokes - done)) for done in self._looks]
+                self._plan_left = float(planning * strokes)
+            case events.PlanningStep(phase, iteration, of):
                 work = float(of * (self._strokes - self._painted))
                 share = share_of_plan(iteration, of) if phase == "plan" else iteration / of
                 if counts:
@@ -168,30 +150,30 @@ class RemainingTime:
                     self._plan_left = (1 - share) * work
                 elif self._replans:
                     self._replans[0] = (1 - share) * work
-            case Planned(done=done):
+            case events.Planned(done=done):
                 self._share = self._plan_left = 0.0
                 if done:
                     self._forget_looks(until=done)
                 else:
                     self._since = 0.0
-            case Resumed(done=done):
+            case events.Resumed(done=done):
                 self._since, self._plan_left, self._painted = 0.0, 0.0, done
                 self._forget_looks(until=done - 1)
-            case Scheduled(timetable=timetable):
+            case events.Scheduled(timetable=timetable):
                 if not self._plan.timetable.after:
                     self._painting = Pace(_TIMETABLE)
                 self._plan, self._walked, self._dries = event, 0.0, timetable.drying
-            case Drying(left=left):
-                dried = 0.0 if self._wet is None else (self._wet - left) / (self._plan.pace or 1.0)
+            case events.Drying(left=left):
+                dried = 0.0 if self._wet is None else self._wet - left
                 self._walked, self._dries = self._walked + dried, self._dries - dried
                 self._wet = left or None
-            case StrokePainted(done=done) | StrokeLeftOut(done=done):
+            case events.StrokePainted(done=done) | events.StrokeLeftOut(done=done):
                 self._painted = done
                 self._forget_looks(until=done - 1)  # a look may not have led to a replan
                 walked, since, self._since = self._walk(done), self._since, 0.0
                 if since is not None:
                     self._painting.measure(since, walked)
-            case Dipped() | LayerBegun() | BrushInHand(str()) | WentOn():
+            case events.Dipped() | events.LayerBegun() | events.BrushInHand(str()) | events.WentOn():
                 self._since = self._since or 0.0
             case _:
                 pass

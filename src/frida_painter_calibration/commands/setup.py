@@ -93,23 +93,23 @@ _MARKS = {"fact": "  ", "warning": "! ", "refusal": "x "}
 
 def _tell(event: "SetupEvent") -> None:
     """Prints what happens in a setup."""
-    from frida_painter.session.events import Remark
-    from frida_painter.session.setup_events import MachineTold, SetupStands, SetupStepBegan, SetupWritten
+    from frida_painter.session.events import Began, Remark, ResultFound
     from frida_painter_calibration.procedures.workspace import STEPS
 
     match event:
         case Remark(sentence):
             print(sentence)
-        case MachineTold(facts):
-            for fact in facts:
+        case ResultFound("facts", detail=told):
+            for fact in told["facts"]:
                 print(f"{_MARKS[fact['weight']]}{fact['text']}")
-        case SetupStepBegan(name):
+        case Began(name=name):
             print(f"\nStep {list(STEPS).index(name) + 1} of {len(STEPS)}: {STEPS[name][0]}")
-        case SetupWritten(workspace, record, sheet, commands):
-            print(f"\nThe workspace: {workspace}\nThe calibration record: {record}\nBoth as a picture: {sheet}")
-            for each in commands:
+        case ResultFound("setup", detail=told):
+            print(f"\nThe workspace: {told['workspace']}\nThe calibration record: {told['record']}")
+            print(f"Both as a picture: {told['sheet']}")
+            for each in told["commands"]:
                 print(f"{each['about']}:\n  {each['command']}")
-        case SetupStands():
+        case _:
             pass
 
 

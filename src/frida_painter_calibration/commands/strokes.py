@@ -19,7 +19,7 @@ from frida_painter.brush import (
     PARAM2STROKE,
 )
 from frida_painter.errors import ConfigError
-from frida_painter.options import BrushOption, SeedOption, listing_option, out_file, whole_number_within
+from frida_painter.options import BrushOption, SeedOption, listing_option, out_file, whole_number_option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

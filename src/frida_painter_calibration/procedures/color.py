@@ -111,7 +111,7 @@ def _read_photograph(
 def _read_patches(frame: NDArray[np.uint8], answer: object) -> tuple[PatchReadings, NDArray[np.float64]]:
     """Returns the readings, and the corner patches' middles [4, 2], for corners from any one, in either direction.
 
-    The first patch is that from which they are most similar to the chart's. Raises CalibrationError without four corners.
+    The first patch is that from which they are most similar to the chart's. Raises CalibrationError without four.
     """
     points = require_four(
         answer,

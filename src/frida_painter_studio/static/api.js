@@ -50,6 +50,8 @@ export async function upload(blob) {
 
 export const picture = (id) => `/api/pictures/${id}`;
 export const file = (painting, place, name) => `/paintings/${painting}/${place}/${name}`;
+/** The photograph that the journal of a painting names: of the film, or of a look. */
+export const shown = (painting, name) => file(painting, name.includes("/") ? "sketchbook" : "painting", name.split("/").pop());
 
 /**
  * Reads a state and follows it (a painting, a job, the gallery): `hear` gets it at once and whenever it changes. Returns what ends that.

@@ -23,7 +23,7 @@ export function finishedStage(house, here, first) {
   const terms = (painting.wish ?? wish).terms; // as they were changed while it was painted
   const whole = painting.kept;
   const place = (name) => api.file(here.id, "painting", name);
-  const best = whole ? place("painting.png") : painting.photograph && api.file(here.id, "live", painting.photograph);
+  const best = whole ? place("painting.png") : painting.photograph && api.shown(here.id, painting.photograph);
   const canvas = canvasView(wish, ["goal", "plan", "painting"]);
   canvas.goal(terms);
   canvas.picture("plan", painting.replanned ? api.file(here.id, "live", `${painting.replanned.prefix}plan.jpg`) : api.file(here.id, plan.number, "plan.jpg"), "The plan");

@@ -53,7 +53,7 @@ export function paintStage(house, here, first) {
   }
 
   function lookCard(look) {
-    const picture = (name, words) => h("figure", {}, h("img", { src: api.file(here.id, "live", look[name]), alt: `${words}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, words));
+    const picture = (name, words) => h("figure", {}, h("img", { src: api.file(here.id, name === "found" ? "live" : "painting", look[name]), alt: `${words}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, words));
     const came = outcome(look, wish.together);
     return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), came ? h("p", {}, came) : null, ...(look.touch ?? []).map((sentence) => h("p", {}, sentence)),
       h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), look.found ? picture("found", "What you painted") : picture("difference", "Difference")));
@@ -66,7 +66,7 @@ export function paintStage(house, here, first) {
     bar.hidden = wish.together;
     said.textContent = wish.together ? `${painting.done ? `${count(painting.done, "stroke", "strokes")} of the robot; ` : ""}${painting.cause === "turn" && painting.status === "paused" ? "your turn" : WORDS[painting.status] ?? ""}${wait}` : painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}${wait}`;
     left.textContent = painting.left && !["finishing", "paused"].includes(painting.status) ? `about ${duration(painting.left)} left` : painting.status === "preparing" ? painting.said : "";
-    if (painting.photograph) canvas.picture("painting", api.file(here.id, "live", painting.photograph), `The canvas after ${painting.done} strokes`);
+    if (painting.photograph) canvas.picture("painting", api.shown(here.id, painting.photograph), `The canvas after ${painting.done} strokes`);
     const next = painting.status === "painting" ? ", and the next stroke" : "";
     canvas.captions({
       plan: wish.together ? "The canvas as it began" : painting.photograph || !house.watched ? "The plan" : "The plan. The first photograph of the easel comes soon.",

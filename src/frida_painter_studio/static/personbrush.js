@@ -99,7 +99,7 @@ export function personBrush({ house, here, wish, say, close }) {
       sent = Math.max(0, sent - 1);
       setTimeout(forget, 900); // its photograph follows within a moment
     }
-    if (next.photograph) pad.show(api.file(here.id, "live", next.photograph));
+    if (next.photograph) pad.show(api.shown(here.id, next.photograph));
     if (next.remark) waiting.splice(0).forEach((each) => { each.forget(); });
     if (next.remark) sent = 0;
     show(refused, next.remark ? h("p", { class: "remark", role: "alert" }, next.remark) : null);

@@ -20,7 +20,7 @@ export function togetherTools(house, here, wish, onPad) {
 
   const button = (label, work, kind = "second", key = "") => h("button", { type: "button", class: `button ${kind}`, onclick: work, "aria-keyshortcuts": key || null }, label);
 
-  const photograph = (state) => (state.painting.photograph ? api.file(here.id, "live", state.painting.photograph) : "");
+  const photograph = (state) => (state.painting.photograph ? api.shown(here.id, state.painting.photograph) : "");
 
   /** A pad over the photograph of the canvas, in place of everything else until it is closed. */
   function drawOver(state, { title, mask, actions }) {
