@@ -8,7 +8,7 @@ PINS := pyproject.toml constraints.txt
 # HASHES=no also takes files that are not those of constraints.txt, such as builds of your own index.
 ADD := $(BIN)/python tools/install.py $(if $(filter no,$(HASHES)),--without-hashes)
 
-PROGRAM ?= storm stop attack hostile_commands kills claims every franka so101
+PROGRAM ?= storm stop attack hostile_commands kills claims moved_canvas every franka so101
 
 .PHONY: pins paint studio test quick nightly stress views lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
 

