@@ -91,6 +91,7 @@ def usual_of(field: Any) -> str:
     """Returns the default of a setting, in words."""
     default = field.default
     plain = ("yes" if default else "no") if isinstance(default, bool) else default
+    plain = f"{plain:g}" if isinstance(plain, float) else plain
     return about(field)["usual"] or ("none" if plain in (None, "", ()) else str(plain))
 
 
