@@ -3,7 +3,7 @@
 A brush takes up wet paint along its way, and its mark mixes with the wet paint below it. The state of the canvas is,
 for each pixel, the amount of wet paint (1 is a full mark) with its absorption K and scattering S; a mark adds its
 own, and each second takes the same amount away until the paint has set. Mixtures are those of Kubelka and Munk
-(mixing/kubelka_munk.py), here in three bands. docs/lab/planning.md has the measurements.
+(mixing/recipe.py), here in three bands. docs/lab/planning.md has the measurements.
 """
 
 from collections.abc import Sequence

@@ -2,7 +2,7 @@
 
 An event is named after its class and has a JSON form (`record`, `events_of`), in which it stands in the journal of a
 painting or in the feed of a job. Fields that carry plans and pixels are live: only listeners in the painting process
-have them, and pictures are named by their files. `PaintingState` (state.py) folds the events of a painting.
+have them, and pictures are named by their files. `PaintingState` (fold.py) folds the events of a painting.
 
     >>> import frida_painter as fp
     >>> def hear(event):
