@@ -109,7 +109,7 @@ def _wait_for(process: "subprocess.Popen[str]", folder: Path, records: int) -> N
     """Until the journal has so many records, or, with _FINISHED, the last one; or the process has ended."""
     until = time.monotonic() + _LONGEST
     while process.poll() is None and time.monotonic() < until:
-        if records == _FINISHED and b'"finished"' in _tail(folder):
+        if records == _FINISHED and b'"kind":"finished"' in _tail(folder).replace(b": ", b":"):
             return
         if records != _FINISHED and _lines(folder) >= max(1, records):
             return
@@ -132,8 +132,9 @@ def _wrong(folder: Path, strokes: int) -> str:
     numbers = [one["done"] for one in told if one["kind"] == "stroke_painted"]
     if numbers != list(range(1, strokes + 1)):
         return f"strokes are not each painted once, in order: {numbers}"
-    if told[-1]["kind"] != "finished":
-        return f"its journal ends with {told[-1]['kind']!r}"
+    kinds = [one["kind"] for one in told]
+    if kinds.count("finished") != 1 or kinds[-1] != "result_found":
+        return f"its journal ends with {kinds[-2:]}"
     return "" if are_there(folder, strokes) else "its page, pictures or figures are not all there"
 
 

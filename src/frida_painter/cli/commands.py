@@ -63,6 +63,7 @@ _LISTED = {
         "plan": "Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix.",
         "render": "Render a plan as a picture of any size, with the stroke models of its brushes.",
         "resume": "Continue a painting that was stopped, paused or killed, from its folder.",
+        "watch": "Follow a painting that another terminal or the studio makes, until it ends or pauses for good.",
         "look": "Give a picture of the canvas to a painting without a camera. It counts as a look.",
     },
     "frida_painter.cli.plans": {

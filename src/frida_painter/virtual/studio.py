@@ -497,6 +497,10 @@ class VirtualStudio:
         """
         self._operator.place_checker((center[0] * _MM, center[1] * _MM), turn, None if width is None else width * _MM)
 
+    def wait(self, seconds: float) -> None:
+        """Lets time pass and paint dry."""
+        self._operator.let_dry(seconds)
+
     def truth(self, rows: int) -> Tensor:
         """Returns the real canvas, straight on in even light: sRGB [3, rows, columns]. Not for the painter."""
         seen = self.canvas.reflectance()[::-1]  # The canvas's rows go up, a picture's go down.
