@@ -59,6 +59,26 @@ def test_what_a_power_cut_leaves_in_place_of_a_record_is_dropped(tmp_path: Path,
         assert book.found == RECORDS and book.torn == len(rubbish)
 
 
+def test_a_power_cut_may_damage_several_records_that_were_not_flushed(tmp_path: Path) -> None:
+    path = tmp_path / "journal"
+    whole = len(written(path))
+    with EventLog(path) as book:
+        book.append({"kind": "flushed"})
+        flushed = path.stat().st_size
+        for number in range(4):
+            book.append({"kind": "shown", "number": number}, flush=False)
+    content = bytearray(path.read_bytes())
+    content[flushed + 5 : flushed + 60] = b"\0" * 55  # a block that never reached the disk; the ones after it did
+    path.write_bytes(content)
+    assert EventLog.read(path) == [*RECORDS, {"kind": "flushed"}]
+    with EventLog(path) as book:
+        assert book.found == [*RECORDS, {"kind": "flushed"}] and book.missing == 0 < book.torn
+    content[whole + 5] ^= 1  # but what was flushed is never dropped
+    path.write_bytes(content)
+    with pytest.raises(StorageError, match="was changed"):
+        EventLog(path)
+
+
 def test_a_power_cut_loses_nothing_that_was_told_to_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fault F4: a power cut loses what was not flushed.
 

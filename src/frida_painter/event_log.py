@@ -261,14 +261,21 @@ def missing(path: Path, what: str) -> int:
     return _missing(path, content, content.count(b"\n"))
 
 
-def _missing(path: Path, content: bytes, count: int) -> int:
+def _read_tally(path: Path) -> tuple[int, int, bytes] | None:
+    """Returns number, bytes and last checksum of the flushed records; None if the tally is not there, or not whole."""
     try:
         tally = _TALLY.fullmatch(storage.read_bytes(_tally_path(path), "a tally", 2 * _TALLY_BYTES))
     except StorageError:
-        return 0
+        return None
     if tally is None or _line_checksum(b"", tally[1]) != tally[5]:  # incomplete after a power cut
+        return None
+    return int(tally[2]), int(tally[3]), tally[4]
+
+
+def _missing(path: Path, content: bytes, count: int) -> int:
+    if (tally := _read_tally(path)) is None:
         return 0
-    counted, length, last = int(tally[2]), int(tally[3]), tally[4]
+    counted, length, last = tally
     line = content[content.rfind(b"\n", 0, length - 1) + 1 : length]
     return 0 if line.endswith(b"\n") and line.startswith(last) else max(1, counted - count)
 
@@ -362,7 +369,10 @@ def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
 
 
 def _strict(content: bytes, path: Path, what: str) -> _Parsed:
-    """Returns all records. Raises StorageError if anything but an incomplete last line is damaged."""
+    """Returns all records up to an incomplete last line, or up to damage after the flushed ones, as of a power cut.
+
+    Raises StorageError if anything else is damaged.
+    """
     last, length = _START, 0
     records: list[dict[str, Any]] = []
     while length < len(content):
@@ -381,7 +391,8 @@ def _strict(content: bytes, path: Path, what: str) -> _Parsed:
         raise StorageError(
             f"{path} is damaged, or is not {what}: not even its first record is whole; take an undamaged copy."
         )
-    if not _may_be_torn(content[length:]):
+    tally = None if _may_be_torn(content[length:]) else _read_tally(path)
+    if not _may_be_torn(content[length:]) and (tally is None or length < tally[1]):
         raise StorageError(
             f"{path} was changed after it was written: its record {len(records) + 1} is damaged, and it is not the "
             "last; take an unchanged copy."

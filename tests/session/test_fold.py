@@ -166,6 +166,15 @@ def test_a_painting_is_folded_for_those_who_watch_it() -> None:
     assert fold(*TOLD[:31]).trouble == "The robot is gone." and fold(*TOLD[:32]).trouble == ""
 
 
+def test_at_a_terminal_nobody_tells_the_end_of_a_pause_and_a_plan_may_have_been_broken_off() -> None:
+    state = fold(events.Paused("A pause file is there."), events.MotionBegan(("home",)))
+    assert (state.doing, state.paused) == ("paused", True)
+    state.hear(events.MotionBegan(("stroke 1",), 1, "f"), AT)
+    assert (state.doing, state.paused) == ("painting", False)
+    step, planned = events.PlanningStep("plan", 1, 2, 0.5), events.Planned(0, 6, 0.5, 0.25)
+    assert fold(step, events.SessionResumed(0), step, planned).phases == [("plan for 6 strokes", [(1, 0.5)])]
+
+
 def test_the_time_of_a_whole_painting_is_that_of_its_first_plan() -> None:
     told = ((6.0, 0), (4.0, 0), (2.0, 3))
     first, again, rest = (events.Scheduled(Timetable(strokes=seconds), done) for seconds, done in told)
@@ -209,7 +218,7 @@ def test_time_in_a_break_does_not_count_and_paint_dries_meanwhile() -> None:
     drying = events.Drying(1, 100.0, 80.0)
     told: list[tuple[Event, float]] = [
         (events.PaintingBegun({}, {}), 0), (events.StrokePainted(1), 10), (drying, 12),
-        (events.SessionResumed(1), 1000), (events.WentOn(), 1005),
+        (events.WorkExpected(6, (), 0, 0), 998), (events.SessionResumed(1), 1000), (events.WentOn(), 1005),
     ]  # fmt: skip
     for event, seconds in told:
         state.hear(event, AT + timedelta(seconds=seconds))
@@ -217,6 +226,9 @@ def test_time_in_a_break_does_not_count_and_paint_dries_meanwhile() -> None:
     assert state.wet(AT + timedelta(seconds=22)) == 70 and state.wet(AT + timedelta(seconds=200)) == 0
     state.hear(events.StrokePainted(2))
     assert state.wet() is None
+    state.hear(events.Finished(2), AT + timedelta(seconds=1010))
+    state.hear(events.ResultFound("results"), AT + timedelta(days=9))  # made again
+    assert state.seconds == 22
 
 
 def test_events_and_states_are_read_without_torch() -> None:

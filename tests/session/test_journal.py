@@ -1,6 +1,7 @@
 """What the journal tells while a painting is made, and what is to be learned from it afterwards."""
 
 import json
+import math
 import os
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from frida_painter.errors import StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
-from frida_painter.session.events import MotionBegan, Paused, StrokePainted
+from frida_painter.session.events import Looked, MotionBegan, Paused, PlanningStep, StrokePainted
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal, placement_of
 from support.plans import made_up_plan
@@ -193,3 +194,12 @@ def test_what_resuming_needs_is_flushed_and_what_is_only_shown_is_not(
     assert not flushed and journal.state.paused
     journal.tell(StrokePainted(1, 6))
     assert len(flushed) == 1 and read(tmp_path).painted == 1
+
+
+def test_the_state_keeps_no_pixels_and_what_cannot_be_written_is_only_shown(tmp_path: Path) -> None:
+    journal, pixels = begun(tmp_path), torch.zeros(3, 2, 2)
+    journal.show(Looked(1, {}, pixels, pixels))
+    told = journal.state.looks[-1].told
+    assert (told.photograph, told.expected) == (None, None), "each look would keep megabytes"
+    journal.show(PlanningStep("plan", 1, 2, math.inf))
+    assert journal.state.share == 0.5 and read(tmp_path).share == 0.0

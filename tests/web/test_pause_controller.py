@@ -14,7 +14,7 @@ import pytest
 import torch
 
 from frida_painter import images
-from frida_painter.errors import FrameRejected
+from frida_painter.errors import FrameRejected, StorageError
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
@@ -372,6 +372,19 @@ def test_what_can_only_be_done_in_a_pause_is_refused_aloud(folder: PaintingFolde
     table = Table(folder, 4)
     table.controller._commands.extend((LOOK, GO_ON, NEW_GOAL))
     assert table.controller.pause_cause() is None and len(table.told(events.Remark)) == 2
+
+
+def test_turns_that_find_no_room_in_the_journal_are_refused_aloud_and_end_nothing(
+    folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(event: Event) -> None:
+        raise StorageError("The disk is full.")
+
+    table = Table(folder, 4)
+    monkeypatch.setattr(table.setup.session.journal, "tell", full)
+    table.controller._commands.append(TakeTurns(2))
+    assert table.controller.pause_cause() is None
+    assert [remark.sentence for remark in table.told(events.Remark)] == ["The disk is full."]
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from frida_painter.session.events import (
     Drying,
     Event,
     Failed,
+    Finished,
     Finishing,
     Looked,
     PaintingBegun,
@@ -153,6 +154,8 @@ STATUSES: list[tuple[list[Event], list[Event], Truth, str, bool, str]] = [
     ([*PLANNED, PAINT, RESUME], [*ENDED, SessionResumed(3)], AT_WORK, "preparing", False, ""),
     ([*PLANNED, PAINT, RESUME], [*ENDED, SessionResumed(3), KEPT], AT_REST, "finished", False, ""),
     ([*PLANNED, PAINT], [*PAINTED, KEPT], AT_REST, "finished", False, ""),
+    ([*PLANNED, PAINT, RESUME], [*PAINTED, Finished(3)], AT_REST, "failed", True, "painter's process ended"),
+    ([*PLANNED, PAINT, RESUME], [*PAINTED, Finished(3), KEPT], AT_REST, "finished", False, ""),  # results made again
     ([*PLANNED, PAINT, STOPPED], [*PAINTED, KEPT], AT_REST, "finished", False, ""),
     ([*PLANNED, PAINT], PAINTED, Truth(working=True, here=False), "lost", False, "press Stop"),
     ([*PLANNED, PAINT], PAINTED, Truth(working=False, here=False), "lost", False, "Nothing of it is left"),

@@ -395,7 +395,9 @@ class PaintingRun:
         storage.clear_leftovers(self.folder, self.folder / SKETCHBOOK, self.folder / PHOTOGRAPHS)
         self._take_up_record()
         if self._reopened.history.finished:
-            return self._make_results(self._reopened.history, self._reopened.plan)
+            outcome = self._make_results(self._reopened.history, self._reopened.plan)
+            self._conclude(outcome)
+            return outcome
         if self._easel is None:
             self.open_easel()
         history, kept = self._reopened.history, self._reopened.plan
@@ -646,11 +648,15 @@ class PaintingRun:
             kept = keep_learned(self.spec, self._record, learned, painting, session.learn_wet_paint)
         outcome = RunOutcome(self.folder, painting, page, trouble, kept)
         if page is not None:
-            self.finish(outcome)
-            files = {"film": "film.mp4", "arm": ARM_FILM, "painters": "painters.png"}
-            there = {name: (self.folder / file).exists() for name, file in files.items()}
-            self.report(events.ResultFound("results", detail=there))
+            self._conclude(outcome)
         return outcome
+
+    def _conclude(self, outcome: RunOutcome) -> None:
+        """Adds further results, and tells which results there are."""
+        self.finish(outcome)
+        files = {"film": "film.mp4", "arm": ARM_FILM, "painters": "painters.png"}
+        there = {name: (self.folder / file).exists() for name, file in files.items()}
+        self.report(events.ResultFound("results", detail=there))
 
 
 @contextmanager

@@ -25,7 +25,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Literal, dataclass_transform
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, dataclass_transform
 
 from pydantic import TypeAdapter
 
@@ -645,6 +645,7 @@ class Finishing(Event):
     """The robot no longer moves; film, page and exports are being made."""
 
 
+_E = TypeVar("_E", bound=Event)
 Notify = Callable[[Event], None]
 """Function that hears every event of a painting, such as each of the `listeners` of PaintingRun."""
 
@@ -662,9 +663,14 @@ KINDS: Mapping[str, type[Event]] = {
 def record(event: Event) -> dict[str, Any]:
     """Returns the JSON form of an event, without its live fields, with the current time."""
     at = datetime.now(UTC).isoformat(timespec="milliseconds")
-    dropped = _live_fields(kind_of(type(event)))
-    told = asdict(replace(event, **dict.fromkeys(dropped)))
+    dropped, told = _live_fields(type(event)), asdict(without_live(event))
     return {"kind": kind_of(type(event)), "at": at, **{name: told[name] for name in told if name not in dropped}}
+
+
+def without_live(event: _E) -> _E:
+    """Returns an event without its live fields, as a record tells it."""
+    dropped = _live_fields(type(event))
+    return replace(event, **dict.fromkeys(dropped)) if dropped else event
 
 
 def events_of(written: Mapping[str, Any]) -> list[Event]:
@@ -682,8 +688,8 @@ def time_of(written: Mapping[str, Any]) -> datetime:
 
 
 @functools.cache
-def _live_fields(kind: str) -> frozenset[str]:
-    return frozenset(each.name for each in fields(KINDS[kind]) if each.metadata.get("live"))
+def _live_fields(kind: type[Event]) -> frozenset[str]:
+    return frozenset(each.name for each in fields(kind) if each.metadata.get("live"))
 
 
 @functools.cache

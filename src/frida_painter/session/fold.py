@@ -233,7 +233,8 @@ class PaintingState:
         self.version += 1
         sitting = isinstance(event, events.PaintingBegun | events.SessionResumed)
         if at is not None:
-            if not sitting and self.last is not None:
+            begins = sitting or isinstance(event, events.WorkExpected)  # a resumed painting looks before it goes on
+            if not (begins or self.finished) and self.last is not None:
                 self.seconds += max(0.0, (at - self.last).total_seconds())  # a clock may be set back
             self.last = at
         self.runs += sitting
@@ -252,6 +253,7 @@ class PaintingState:
             case events.SessionResumed(decision=decision):
                 self.decide(repaint=decision == "repaint")
                 self.trouble, self.stopped, self.paused, self.results = "", False, False, None
+                self._curve, self.share, self.growing = [], 0.0, None
             case events.WorkExpected(strokes):
                 self.of = strokes
             case events.Stopped():
@@ -269,7 +271,8 @@ class PaintingState:
     def _hear_strokes(self, event: Event, at: datetime | None) -> None:
         match event:
             case events.MotionBegan(stroke=int(stroke)):
-                self.in_doubt, self.proposed = stroke, None
+                self.in_doubt, self.proposed, self.paused = stroke, None, False
+                self.doing = "painting" if self.doing == "paused" else self.doing  # at the terminal nobody tells it
             case events.StrokePainted(done, of) | events.StrokeLeftOut(done, of):
                 self.painted, self.of, self.in_doubt = done, of or self.of, None
                 if isinstance(event, events.StrokePainted):

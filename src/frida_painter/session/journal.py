@@ -40,6 +40,7 @@ from frida_painter.session.events import (
     StrokePainted,
     record,
     time_of,
+    without_live,
 )
 from frida_painter.session.fold import FORMAT, VERSION, PaintingState
 
@@ -160,16 +161,17 @@ class Journal:
         self._write(event, flush=True)
 
     def show(self, event: Event) -> None:
-        """Appends an event that resuming does not need; it is left out if there is no room."""
+        """Appends an event that resuming does not need; without room, or with infinite values, it is left out."""
         if not isinstance(event, Durable):
             self._write(event, flush=False)
 
     def _write(self, event: Event, *, flush: bool) -> None:
+        event = without_live(event)  # the state keeps events, and their pixels would fill the memory
         if self._book is None:
             self.state.hear(event, datetime.now(UTC))
             return
         written = record(event)
-        with contextlib.nullcontext() if flush else contextlib.suppress(StorageError):
+        with contextlib.nullcontext() if flush else contextlib.suppress(StorageError, ValueError):
             self._book.append(written, flush=flush)
         self.state.hear(event, time_of(written))
 

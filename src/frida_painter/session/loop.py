@@ -27,7 +27,7 @@ import torch
 from torch import Tensor
 
 from frida_painter.calibration import WetPaint
-from frida_painter.errors import FridaError, PaintingPaused, RobotStopped
+from frida_painter.errors import FridaError, Interrupted, PaintingPaused, RobotStopped
 from frida_painter.palette import to_hex
 from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
@@ -299,7 +299,7 @@ class PaintingSession:
             self.tell(Stopped(progress.painted))
             stopped = True
         except FridaError as trouble:
-            gave_up = isinstance(trouble, RobotStopped | PaintingPaused)
+            gave_up = isinstance(trouble, RobotStopped | PaintingPaused | Interrupted)
             self.tell(Stopped(progress.painted) if gave_up else Failed(str(trouble)))
             raise
         took = self.hand.last_motion - self._began_at
