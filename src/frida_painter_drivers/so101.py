@@ -309,7 +309,7 @@ class So101Robot(Driver):
             found.append(joints)
         way = np.array(found[1:])
         # A servo that is set up to turn less far would stay at its limit and say nothing.
-        outside = (way < self._ranges[:, 0]) | (way > self._ranges[:, 1])
+        outside = ~((way >= self._ranges[:, 0]) & (way <= self._ranges[:, 1]))
         if outside.any():
             row, joint = np.argwhere(outside)[0]
             low, high = np.degrees(self._ranges[joint])

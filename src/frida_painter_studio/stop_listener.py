@@ -37,6 +37,7 @@ from frida_painter_studio.network import (
     WaitingProtocol,
     most_connections,
     read_body,
+    share_lock,
 )
 from frida_painter_studio.stop import END, StopKey, Stops, call, listen_locally
 from frida_painter_studio.studio_folder import find_work
@@ -105,12 +106,21 @@ async def serve(root: Path, port: socket.socket, line: socket.socket, config: di
     local = await asyncio.start_unix_server(stops.answer, sock=line)
     accepting = asyncio.create_task(listening.accept())
     studios = locks.open_lock(root / STUDIO_LOCK)
-    async with local:
+    try:
         while not accepting.done():
             await asyncio.sleep(_BETWEEN_LOOKS)
-            # Alone, if no studio is open and no worker works; no studio can then open before this process ends.
-            if await asyncio.to_thread(lambda: not find_work(root) and locks.take(studios)):
+            if await asyncio.to_thread(_is_alone, root, studios):
                 return
+    finally:
+        local.close()  # without a wait for its lines, which may stay open
+
+
+def _is_alone(root: Path, studios: int) -> bool:
+    """Returns True if no studio is open and no worker works; no studio can then open before this process ends."""
+    try:
+        return not find_work(root) and locks.take(studios)
+    except OSError:  # the folder is away for a moment, and somebody may work in it
+        return False
 
 
 # Keeper of the listener, in the studio's process.
@@ -144,7 +154,10 @@ class StopProcess:
         """Starts a listener, unless a running one has the same settings. Raises ConfigError, StorageError."""
         files = self.certificate and [str(self.certificate.certificate), str(self.certificate.key)]
         config: dict[str, Any] = {"names": sorted(self.names), "certificate": files}
-        lock = locks.open_lock(self.root / _LOCK)
+        try:
+            lock = locks.open_lock(self.root / _LOCK)
+        except OSError as error:
+            raise _cannot_start(error) from error
         try:
             before: dict[str, Any] = {}
             with contextlib.suppress(StorageError):  # there was no listener
@@ -157,7 +170,7 @@ class StopProcess:
                 self._end_other(lock)
             self._launch(lock, config, self.port or port or self.wanted)
         except OSError as error:
-            raise StorageError(f"The listener for stops cannot be started ({error.strerror}).") from error
+            raise _cannot_start(error) from error
         finally:
             os.close(lock)
 
@@ -168,13 +181,18 @@ class StopProcess:
         return self._stop_key.secret(role)
 
     async def keep(self) -> None:
-        """Restarts the listener whenever it has ended."""
+        """Restarts the listener whenever it has ended, also in a folder that was deleted and made again."""
         while True:
             await asyncio.sleep(_BETWEEN_LOOKS)
             if self._process is not None:
                 self._process.poll()
-            with contextlib.suppress(ConfigError, StorageError):
-                await asyncio.to_thread(self.start)
+            with contextlib.suppress(ConfigError, StorageError, OSError):
+                await asyncio.to_thread(self._renew)
+
+    def _renew(self) -> None:
+        if not locks.is_held(self.root / STUDIO_LOCK):  # in a new folder; each listener there would end at once
+            share_lock(self.root)
+        self.start()
 
     def _end_other(self, lock: int) -> None:
         with contextlib.suppress(OSError), call(self.root) as line:
@@ -198,6 +216,10 @@ class StopProcess:
                 "-m", "frida_painter_studio.stop_listener", self.root, *inherited, json.dumps(config),
                 pass_fds=inherited, start_new_session=True, stdout=log, stderr=log,
             )  # fmt: skip
+
+
+def _cannot_start(error: OSError) -> StorageError:
+    return StorageError(f"The listener for stops cannot be started ({error.strerror}).")
 
 
 def main() -> None:

@@ -120,6 +120,9 @@ def test_a_brush_is_raised_in_one_way_only(tmp_path: Path) -> None:
         ('start = ["G53 G1 X0"]', "has G53, which leaves the work zero"),
         ('start = ["G55"]', "has G55, which is not known here"),
         ('start = ["G5 X0 Y0 P1 Q1"]', "cannot be read|is not known here"),
+        ('start = ["M3 S1 G1 X900"]', "has an M code beside other codes"),
+        ('start = ["M3 X900"]', "has an M code beside other codes or a place"),
+        ('start = ["M5 G91"]', "has an M code beside other codes"),
         ('start = ["$X"]', "a command to the controller itself"),
         ('start = ["$110=9999"]', "a command to the controller itself"),
         ('start = ["G1 X#1"]', "cannot be read"),
@@ -135,7 +138,7 @@ def test_lines_that_cannot_be_trusted_are_refused_in_one_sentence(tmp_path: Path
     "text",
     [
         'start = ["$H"]', 'start = ["G28 X Y"]', 'end = ["M18", "; all is done"]', 'start = ["G1 X490 Y490 Z390 F500"]',
-        'start = ["G1 X10 Y10", "G91", "G1 X20", "G90"]',
+        'start = ["G1 X10 Y10", "G91", "G1 X20", "G90"]', 'start = ["M92 X80 Y80", "M3 S100"]',
         'lift = ["G91", "G1 Z0", "G90"]\nlower = ["G1 X{x} Y{y} Z{z} F{feed}"]\ndown_below = 0.1', "",
     ],
 )  # fmt: skip

@@ -1,11 +1,14 @@
 """A stop is answered, and heard by who works, whatever else the studio is asked for: in real processes."""
 
+import asyncio
 import contextlib
 import json
 import os
+import shutil
 import signal
 import socket
 import sqlite3
+import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -17,8 +20,11 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from frida_painter import python_process
 from frida_painter_studio.commands import Role
-from frida_painter_studio.stop import StopKey, StopWatch
+from frida_painter_studio.network import share_lock
+from frida_painter_studio.stop import END, StopKey, StopWatch, call
+from frida_painter_studio.stop_listener import StopProcess
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder
 from served import PATIENCE, Served, Work, end_listener, open_studio, opened_studio
@@ -177,6 +183,44 @@ def test_a_listener_that_was_killed_is_started_again_on_its_port(studio: Served,
                 break
         assert time.monotonic() < deadline
         time.sleep(0.1)
+
+
+def test_a_folder_that_was_deleted_and_made_again_has_one_listener(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that ended at once would be started again every second."""
+    started: list[subprocess.Popen[bytes]] = []
+    begin = python_process.start
+
+    def note(*words: object, **options: Any) -> subprocess.Popen[bytes]:
+        started.append(begin(*words, **options))
+        return started[-1]
+
+    monkeypatch.setattr(python_process, "start", note)
+    folder = tmp_path / "paintings"
+    folder.mkdir()
+    studio = share_lock(folder)
+    process = StopProcess(folder, lambda port: socket.create_server(("127.0.0.1", 0)), frozenset({"localhost"}), 0)
+    process.start()
+
+    async def keep() -> None:
+        keeping = asyncio.create_task(process.keep())
+        shutil.rmtree(folder)
+        await asyncio.sleep(1.5)
+        folder.mkdir()
+        async with asyncio.timeout(20):
+            while len(started) < 2:
+                await asyncio.sleep(0.05)
+        await asyncio.sleep(4)
+        keeping.cancel()
+
+    asyncio.run(keep())
+    assert len(started) == 2
+    os.close(studio)
+    with call(folder) as line:
+        line.sendall(f"{END}\n".encode())
+    for one in started:
+        one.wait(PATIENCE + 20)
 
 
 def test_other_pages_and_wrong_secrets_stop_nothing(studio: Served, work: Work) -> None:

@@ -196,8 +196,11 @@ def _require_inside(
         left = set("".join(_WORD.sub("", code).split()))
         if left and not (homes and left <= set("XYZ")):  # axes to be homed have no number
             refuse(line, "cannot be read")
-        if any(letter == "M" for letter, _ in words):
-            continue  # M codes move no axis; their parameters may look like one
+        if codes := [value for letter, value in words if letter == "M"]:
+            beside = {letter for letter, _ in words} & ({"G", *box} if min(codes) < 10 else {"G"})
+            if beside:  # GRBL obeys both
+                refuse(line, "has an M code beside other codes or a place; write two lines")
+            continue  # M codes move no axis; the parameters of those of Marlin may look like one
         for letter, value in words:
             if letter != "G":
                 continue
