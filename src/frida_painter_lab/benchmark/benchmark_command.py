@@ -100,7 +100,7 @@ def pictures(
 
 def judge(
     strokes: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The strokes: .csv or a plan.json.", show_default=False)
+        Path, typer.Argument(metavar="FILE", help="The strokes: .svg, .csv or a plan.json.", show_default=False)
     ],
     picture: Goal,
     budget: Strokes = 100,
@@ -165,7 +165,7 @@ def table(
         list[Any] | None,
         typer.Option(
             parser=_handed, metavar="NAME=FOLDER",
-            help="An entrant that hands in strokes, as cat-100.csv in a folder. May be repeated.",
+            help="An entrant that hands in strokes, as cat-100.svg in a folder. May be repeated.",
         ),
     ] = None,
     out: Out = _DEFAULT_OUT,
@@ -182,7 +182,7 @@ def table(
     folders = {name: folder.absolute() for name, folder in hand_in or ()}
     for folder in folders.values():
         if not folder.is_dir():
-            raise ConfigError(f"{folder} is no folder of hand-ins; it holds files such as cat-100.csv.")
+            raise ConfigError(f"{folder} is no folder of hand-ins; it holds files such as cat-100.svg.")
     asked = BenchmarkTable(
         folder=out.absolute(), entrants=tuple(entrants or ENTRANTS), goals=tuple(pictures or PICTURES),
         budgets=tuple(strokes), seeds=tuple(seeds or SEEDS),

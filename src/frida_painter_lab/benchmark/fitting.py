@@ -100,11 +100,7 @@ def fit_hand_in(
             raise HandInError("None of the strokes has a length; give each at least two points that differ.")
         whole, pieces = len(pieces) <= budget.strokes, pieces[: budget.strokes]
         color, told = _colors(drawing, pieces)
-        weight = torch.tensor([piece.length * piece.width for piece in pieces])
-        palette, paint, remarks = _palette(color, weight, budget.paints, seed)
-        order, runs = _schedule(pieces, paint)
-        ordered = [pieces[index] for index in order]
-        plan, moved = _as_plan(ordered, runs, brushes, paint[order], palette, drawing)
+        plan, remarks = assemble(pieces, color, brushes, drawing, budget.paints, seed)
         if len(plan.layers) <= _MAX_LAYERS:
             break
     painted = pieces[-1].source + 1
@@ -116,14 +112,41 @@ def fit_hand_in(
     elif len(pieces) > len(drawing.strokes):
         told.append(f"{count_of(len(drawing.strokes), 'stroke')} became {len(pieces)} brush strokes.")
     told += remarks
-    if moved:
-        told.append(f"{count_of(moved, 'brush stroke')} moved by more than {_MOVED * 1000:g} mm to lie on the canvas.")
     fitted = list(zip(drawing.strokes[:painted], chosen, strict=False))
     if thin := sum(stroke.width * _NARROW < brush.sizes.width[0] for stroke, brush in fitted):
         told.append(f"{count_of(thin, 'stroke')} thinner than any mark of the brushes got the thinnest.")
     if wide := sum(stroke.width > (1 + _OVERHANG) * brush.sizes.width[-1] for stroke, brush in fitted):
         told.append(f"{count_of(wide, 'stroke')} wider than any mark became lanes, side by side.")
-    return plan, tuple(told)
+    return plan, (*drawing.remarks, *told)
+
+
+def assemble(
+    pieces: Sequence[PathPiece], color: Tensor, brushes: Mapping[str, Brush], drawing: HandIn, paints: int, seed: int
+) -> tuple[Plan, list[str]]:
+    """Returns the plan of brush strokes on the canvas and ground of a drawing, and remarks on paints and places.
+
+    color [n, 3]: wanted sRGB of each
+    paints: greatest number of paints
+    """
+    weight = torch.tensor([piece.length * piece.width for piece in pieces])
+    palette, paint, remarks = _palette(color, weight, paints, seed)
+    order, runs = _schedule(pieces, paint)
+    pieces, paint = [pieces[index] for index in order], paint[order]
+    numbers = ("angle", "length", "bend", "thickness")
+    column = {name: torch.tensor([getattr(piece, name) for piece in pieces]).float() for name in numbers}
+    position = torch.from_numpy(np.stack([piece.start for piece in pieces])).float()
+    wanted = Strokes(position, **column, color=palette.color[paint], taught=None)
+    parts, at = list[Strokes](), 0
+    for brush, count in runs:
+        parts.append(wanted[at : at + count].project(brushes[brush].limits, drawing.canvas))
+        at += count
+    fitted = Strokes.join(*parts)
+    if moved := int(((fitted.position - wanted.position).norm(dim=1) > _MOVED).sum()):
+        remarks.append(
+            f"{count_of(moved, 'brush stroke')} moved by more than {_MOVED * 1000:g} mm to lie on the canvas."
+        )
+    layers = tuple(Layer(count, brush, brushes[brush].limits, (0, len(palette))) for brush, count in runs)
+    return Plan(fitted, palette, paint, drawing.canvas, layers, drawing.ground), remarks
 
 
 def _within_budget(plan: Plan, budget: Budget) -> tuple[Plan, tuple[str, ...]]:
@@ -319,26 +342,3 @@ def _bounds(piece: PathPiece) -> NDArray[np.float64]:
     aside = np.array([-math.sin(piece.angle), math.cos(piece.angle)]) * 0.75 * piece.bend
     points = np.stack((piece.start, piece.start + along, piece.start + along / 2 + aside))
     return np.concatenate((points.min(0) - piece.width / 2, points.max(0) + piece.width / 2))
-
-
-def _as_plan(
-    pieces: Sequence[PathPiece],
-    runs: Sequence[tuple[str, int]],
-    brushes: Mapping[str, Brush],
-    paint: Tensor,
-    palette: Palette,
-    drawing: HandIn,
-) -> tuple[Plan, int]:
-    """Returns the plan of the pieces in this order, and the number of pieces that had to move."""
-    numbers = ("angle", "length", "bend", "thickness")
-    column = {name: torch.tensor([getattr(piece, name) for piece in pieces]).float() for name in numbers}
-    position = torch.from_numpy(np.stack([piece.start for piece in pieces])).float()
-    wanted = Strokes(position, **column, color=palette.color[paint], taught=None)
-    parts, at = list[Strokes](), 0
-    for brush, count in runs:
-        parts.append(wanted[at : at + count].project(brushes[brush].limits, drawing.canvas))
-        at += count
-    fitted = Strokes.join(*parts)
-    moved = int(((fitted.position - wanted.position).norm(dim=1) > _MOVED).sum())
-    layers = tuple(Layer(count, brush, brushes[brush].limits, (0, len(palette))) for brush, count in runs)
-    return Plan(fitted, palette, paint, drawing.canvas, layers, drawing.ground), moved

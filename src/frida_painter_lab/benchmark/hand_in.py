@@ -1,4 +1,4 @@
-"""Strokes of any system, handed in to be painted and judged: plans of this project, and CSV.
+"""Strokes of any system, handed in to be painted and judged: plans of this project, SVG and CSV.
 
 A hand-in is read whole or refused with one sentence. CSV has a row for each point of a path:
 
@@ -69,12 +69,14 @@ class HandIn:
     strokes: in painting order; empty if `plan` is given
     ground: sRGB of the bare canvas
     plan: plan of this project, which needs no conversion
+    remarks: changes of the strokes by the reader
     """
 
     canvas: CanvasSize
     strokes: tuple[DrawnStroke, ...] = ()
     ground: Color = WHITE
     plan: Plan | None = None
+    remarks: tuple[str, ...] = ()
 
     def picture(self, rows: int, columns: int) -> Tensor:
         """Returns the drawing as its own system means it, sRGB [3, rows, columns]; see `draw`."""

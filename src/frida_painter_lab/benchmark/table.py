@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from frida_painter import images, storage, weights
@@ -24,12 +23,7 @@ from frida_painter.errors import ConfigError, HandInError
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.convolutional import EfficientNetLite
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.palette import Palette, to_lab
-from frida_painter.plan import WHITE, Plan
-from frida_painter.planning.initialize import uniform
-from frida_painter.planning.mixable import make_mixable
-from frida_painter.planning.optimize import Adam
-from frida_painter.render import render
+from frida_painter.plan import Plan
 from frida_painter.report.page import template
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
@@ -37,7 +31,9 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Dipped, Event, Planned, PlanningStep, StrokePainted
 from frida_painter_lab.benchmark.fitting import fit_hand_in
 from frida_painter_lab.benchmark.hand_in import MAX_BYTES, TOLERANCE, HandIn, read_csv
+from frida_painter_lab.benchmark.rivals import GREEDY_BRUSHES, PLAIN_BRUSH, plan_greedy, plan_hertzmann, plan_plain
 from frida_painter_lab.benchmark.suite import VERSION, BenchmarkGoal, Budget, find_budget, find_goal, suite_digest
+from frida_painter_lab.benchmark.svg_strokes import read_svg
 from frida_painter_lab.experiment import (
     Experiment,
     Measurement,
@@ -59,7 +55,7 @@ INPUTS = "inputs"
 """Folder of the files of held-out pictures, in the folder of a table."""
 REQUEST, PAGE = "benchmark.json", "index.html"
 _FORMAT = "frida-painter benchmark"
-_HAND_INS = (".csv", ".json", "")
+_HAND_INS = (".svg", ".csv", ".json", "")
 MAX_CELLS = 100_000
 
 PSNR, PERCEPTUAL = "PSNR, dB", "perceptual distance"
@@ -71,67 +67,6 @@ JUDGE_NETWORK = "efficientnet-lite1"
 """Network of the perceptual distance (Apache-2.0); no planner of this project uses it."""
 _SIDE = 240  # pixels of its views
 
-# The plain algorithm of FRIDA (Schaldenbrand et al., ICRA 2023). Numbers of iterations, paints and rates are those of
-# the published program (github.com/cmubig/Frida, options.py and painting.py, f42fa61); its rates for Adam are the ones
-# it has in a comment.
-
-PLAIN_BRUSH = "medium"
-_ITERATIONS = 400
-_RATES = {"position": 5e-3, "angle": 1e-2, "color": 5e-3, "bend": 3e-3, "length": 1e-2, "thickness": 1e-2}
-"""Step of each parameter: positions as shares of half the canvas, angles in radians, lengths and bends in metres."""
-_SHUFFLED = 0.3  # share of the iterations in which every third one shuffles the strokes
-_DISCRETE, _ALWAYS = 0.5, 0.9  # shares from which every tenth iteration, and every one, uses a few paints
-
-
-def plan_plain(run: PaintingRun, target: Tensor, budget: Budget) -> Plan:
-    """Returns the plan of the plain algorithm for a photograph [3, H, W], with the brush `PLAIN_BRUSH`.
-
-    Strokes are sampled uniformly and optimised together by Adam towards the mean squared difference. They are sorted
-    from light to dark after every iteration, and their colours become the means of clusters, more often towards the
-    end.
-    """
-    planner = run.planner
-    model, size = planner.models[PLAIN_BRUSH], planner.size
-    limits, generator = model.limits.within(size), torch.Generator().manual_seed(planner.seed)
-    rows, columns = planner.fine.rows, planner.fine.columns
-    wanted, bare = images.fit(target, rows, columns), torch.ones(3, rows, columns)
-    strokes = uniform(budget.strokes, limits, size, generator)
-    strokes = strokes.with_groups(color=0.3 + 0.4 * strokes.color)
-    scale = {name: torch.tensor(rate) for name, rate in _RATES.items()}
-    scale["position"] = scale["position"] * torch.tensor([size.width, size.height]) / 2
-    leaves = {name: (values / scale[name]).detach().requires_grad_() for name, values in strokes.arrays().items()}
-    optimizers = Adam(list(leaves.values()), (0.9, 0.999))
-    order = torch.arange(budget.strokes)
-    for iteration in range(_ITERATIONS):
-        optimizers.forget_gradients()
-        current = strokes.with_groups(taught=None, **{name: leaf * scale[name] for name, leaf in leaves.items()})
-        loss = (render(current[order], model, bare, size) - wanted).square().mean()
-        torch.autograd.backward(loss)
-        optimizers.step(1 - 2 * abs(iteration / _ITERATIONS - 0.5) + 0.005)
-        with torch.no_grad():
-            strokes = strokes.with_groups(taught=None, **{name: leaf * scale[name] for name, leaf in leaves.items()})
-            strokes = strokes.project(limits, size)
-            share = iteration / _ITERATIONS
-            if (iteration % 10 == 0 and share > _DISCRETE) or share > _ALWAYS:
-                palette = Palette.cluster(strokes.color, torch.ones(len(strokes)), budget.paints, planner.seed)
-                strokes = strokes.with_groups(color=palette.color[palette.nearest(strokes.color)])
-            for name, leaf in leaves.items():
-                leaf.copy_(getattr(strokes, name) / scale[name])
-            order = torch.argsort(to_lab(strokes.color)[:, 0], descending=True, stable=True)
-            if share < _SHUFFLED and iteration % 3 == 0:
-                order = torch.randperm(len(order), generator=generator)
-    palette = Palette.cluster(strokes.color, torch.ones(len(strokes)), budget.paints, planner.seed)
-    paint = palette.nearest(strokes.color)
-    if planner.paints is not None:
-        uses = torch.bincount(paint, minlength=len(palette)).float()
-        mixable = make_mixable(palette.color, uses, planner.paints, 1.0)
-        palette = Palette.sort_light_to_dark(mixable.color[torch.unique(mixable.number[paint])])
-        paint = palette.nearest(mixable.color[mixable.number[paint]])
-    order = torch.argsort(paint, stable=True)
-    return Plan.of(
-        strokes[order].detach(), palette, paint[order], canvas=size, brush=PLAIN_BRUSH, limits=limits, ground=WHITE
-    )
-
 
 @dataclass(frozen=True)
 class Entrant:
@@ -140,12 +75,14 @@ class Entrant:
     words: what it is
     make: makes its plan for a photograph on a white canvas; None for the project's planner
     looks: number of looks with a replan; None for the project's default
+    brushes: those of the planner that `make` gets, by name
     """
 
     name: str
     words: str
     make: Callable[[PaintingRun, Tensor, Budget], Plan] | None = None
     looks: int | None = 0
+    brushes: str = PLAIN_BRUSH
 
 
 ENTRANTS: Mapping[str, Entrant] = {
@@ -154,6 +91,8 @@ ENTRANTS: Mapping[str, Entrant] = {
         Entrant("ours", "the planner of this project, with its looks and replans", looks=None),
         Entrant("ours-blind", "its first plan, painted without a look"),
         Entrant("plain", "the paper's plain algorithm: random strokes, Adam, one layer", plan_plain),
+        Entrant("greedy", "each stroke the best of 64 random ones", plan_greedy, brushes=",".join(GREEDY_BRUSHES)),
+        Entrant("hertzmann", "Hertzmann 1998: curved strokes of three sizes", plan_hertzmann),
     )
 }
 
@@ -204,7 +143,8 @@ class CellRun(Run):
             "film": False,
         }  # fmt: skip
         if entrant is None or entrant.make is not None:
-            return RunSpec.of(**fields, ground="white", brushes=PLAIN_BRUSH, replans=0)
+            brushes = PLAIN_BRUSH if entrant is None else entrant.brushes
+            return RunSpec.of(**fields, ground="white", brushes=brushes, replans=0)
         looks = {} if entrant.looks is None else {"replans": entrant.looks}
         return RunSpec.of(**fields, minutes=budget.minutes, **looks)
 
@@ -434,9 +374,9 @@ class _Meter:
 
 
 def find_hand_in(place: Path, goal: str, strokes: int, seed: int) -> Path | None:
-    """Returns the hand-in of a cell in a folder: GOAL-STROKES-SEED.csv, or GOAL-STROKES.csv for all seeds, or None.
+    """Returns the hand-in of a cell in a folder: GOAL-STROKES-SEED.svg, or GOAL-STROKES.svg for all seeds, or None.
 
-    .json and a folder with a plan.json do as well. "~" in a goal's name is "-" in that of the file. A file, or
+    .csv, .json and a folder with a plan.json do as well. "~" in a goal's name is "-" in that of the file. A file, or
     a folder with a plan.json, is itself the hand-in.
     """
     if not place.is_dir() or (place / "plan.json").exists():
@@ -447,7 +387,7 @@ def find_hand_in(place: Path, goal: str, strokes: int, seed: int) -> Path | None
 
 
 def read_hand_in(path: Path, canvas: CanvasSize) -> HandIn:
-    """Reads strokes for a canvas: a plan.json, or its folder, of this project; or a CSV file.
+    """Reads strokes for a canvas: a plan.json, or its folder, of this project; an SVG; or a CSV file.
 
     Raises HandInError that names the stroke or the line, PlanError for a damaged plan, ConfigError for an unknown
     kind of file.
@@ -461,9 +401,12 @@ def read_hand_in(path: Path, canvas: CanvasSize) -> HandIn:
                 f"{canvas}; plan it for that canvas."
             )
         return HandIn(canvas, ground=plan.ground, plan=plan)
-    if kind != ".csv":
-        raise ConfigError(f"{storage.abridge(path)} is no hand-in; give the plan.json of a painting, or a .csv file.")
-    return read_csv(storage.read_bytes(path, "a hand-in", MAX_BYTES, HandInError), path.name, canvas)
+    if kind not in (".svg", ".csv"):
+        raise ConfigError(
+            f"{storage.abridge(path)} is no hand-in; give the plan.json of a painting, an .svg or a .csv file."
+        )
+    content = storage.read_bytes(path, "a hand-in", MAX_BYTES, HandInError)
+    return (read_svg if kind == ".svg" else read_csv)(content, path.name, canvas)
 
 
 # Statistics: means over the goals, intervals over the seeds, and differences pair by pair.

@@ -100,8 +100,14 @@ def test_wide_strokes_are_painted_in_lanes_and_thin_ones_by_the_thinnest_mark(mo
     y = wide.strokes.position[:, 1].sort().values
     assert len({round(float(place), 3) for place in y}) == 3 and "lanes" in " ".join(remarks)
     assert float(y[-1] - y[0]) == pytest.approx(0.06 - find_brushes(CANVAS, models)["broad"].sizes.width[-1], abs=0.003)
-    thin, remarks = fit(line((0.1, 0.1), (0.13, 0.1), width=0.0005), models=models)
-    assert len(thin) == 1 and float(thin.strokes.thickness[0]) == 0.0 and "thinner" in " ".join(remarks)
+    drawing = HandIn(CANVAS, (line((0.1, 0.1), (0.13, 0.1), width=0.0005),), remarks=("Cut.",))
+    thin, remarks = fit_hand_in(drawing, BUDGET, 0, models)
+    assert (
+        len(thin) == 1
+        and remarks[0] == "Cut."
+        and float(thin.strokes.thickness[0]) == 0.0
+        and "thinner" in " ".join(remarks)
+    )
 
 
 def test_the_budget_keeps_the_first_strokes_and_few_paints(models):

@@ -108,7 +108,7 @@ def test_a_huge_file_is_refused_by_its_size(tmp_path, monkeypatch):
         read_hand_in(path, CANVAS)
 
 
-@pytest.mark.parametrize("name", ["strokes.txt", "missing.csv", "plan.json"])
+@pytest.mark.parametrize("name", ["strokes.txt", "missing.csv", "missing.svg", "plan.json"])
 def test_other_and_missing_files_are_refused(tmp_path, name):
     if name == "strokes.txt":
         (tmp_path / name).write_text("x")

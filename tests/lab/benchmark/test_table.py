@@ -4,8 +4,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,14 +12,8 @@ import torch
 from scipy import stats
 
 from frida_painter import images, weights
-from frida_painter.canvas_size import CanvasSize
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal
-from frida_painter.planning.planner import Planner
-from frida_painter.planning.settings import PlannerSettings
-from frida_painter.runs.run import PaintingRun
 from frida_painter_lab.benchmark import table as tables
 from frida_painter_lab.benchmark.suite import Budget
 from frida_painter_lab.benchmark.table import (
@@ -28,7 +21,6 @@ from frida_painter_lab.benchmark.table import (
     BenchmarkTable,
     comparison_rows,
     find_hand_in,
-    plan_plain,
     read_table,
     summary_rows,
     write_page,
@@ -122,7 +114,7 @@ def test_a_table_goes_on_where_it_stopped_and_has_a_page(tmp_path: Path, painted
 def test_hand_ins_are_found_by_name_and_painted_again_if_they_change(tmp_path: Path, painted: list[Any]) -> None:
     folder = tmp_path / "strokes"
     folder.mkdir()
-    for name in ("cat-100.csv", "flower-100-12.csv", "other.csv"):
+    for name in ("cat-100.svg", "flower-100-12.csv", "other.svg"):
         (folder / name).write_text("a")
     assert find_hand_in(folder, "flower", 100, 11) is None
     assert find_hand_in(folder, "flower", 100, 12) == folder / "flower-100-12.csv"
@@ -131,7 +123,7 @@ def test_hand_ins_are_found_by_name_and_painted_again_if_they_change(tmp_path: P
     outcome = asked.run(tmp_path / "t")
     assert len(painted) == 3 and "cat, 100, 11: Cut <b>." in outcome.notes[1]
     assert "&lt;b&gt;" in write_page(outcome, tmp_path).read_text()
-    (folder / "cat-100.csv").write_text("b")
+    (folder / "cat-100.svg").write_text("b")
     replace(asked).run(tmp_path / "t")
     assert len(painted) == 3 + 2
 
@@ -154,26 +146,12 @@ def test_wrong_tables_are_refused_before_anything_is_painted(tmp_path: Path, pai
     assert painted == []
 
 
-def test_the_plain_algorithm_comes_near_in_few_paints(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tables, "_ITERATIONS", 60)
-    halves = torch.empty(3, 60, 80)  # dark blue at the left, light ochre at the right
-    halves[:, :, :40] = torch.tensor([0.15, 0.2, 0.45])[:, None, None]
-    halves[:, :, 40:] = torch.tensor([0.85, 0.7, 0.4])[:, None, None]
-    settings = PlannerSettings(CanvasSize(0.12, 0.09), ("medium",), strokes=12, colors=3, rows=64, focus="none", seed=3)
-    planner = Planner(Goal((ImageTerm(halves),)).fit_to(64, 85), settings)
-    run, budget = cast(PaintingRun, SimpleNamespace(planner=planner)), Budget(12, 3, 60.0, 100)
-    plan = plan_plain(run, halves, budget)
-    assert len(plan) == 12 and len(plan.palette) <= 3 and len(plan.layers) == 1
-    lightness = plan.palette.lab()[plan.paint, 0]
-    assert bool((lightness[1:] <= lightness[:-1] + 1e-4).all()), "from light to dark"
-    bare, wanted = torch.ones(3, 64, 85), images.fit(halves, 64, 85)
-    error, nothing = (float((shown - wanted).square().mean()) for shown in (planner.expected(plan, bare), bare))
-    assert error < 0.75 * nothing and plan_plain(run, halves, budget).digest == plan.digest
-
-
-def test_rivals_paint_photographs_alone(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="paints photographs alone"):
-        request(tmp_path, entrants=("plain",), goals=("rocket-and-dusk",)).run()
+@pytest.mark.parametrize("rival", ["plain", "greedy", "hertzmann"])
+def test_rivals_paint_photographs_alone(tmp_path: Path, rival: str) -> None:
+    brushes = {run.spec.brushes for run in request(tmp_path, entrants=(rival,)).runs()}
+    assert brushes == {"broad,medium,fine" if rival == "greedy" else "medium"}
+    with pytest.raises(ConfigError, match=f"{rival} paints photographs alone"):
+        request(tmp_path, entrants=(rival,), goals=("rocket-and-dusk",)).run()
 
 
 def test_edited_tables_are_refused(tmp_path: Path) -> None:
@@ -244,7 +222,7 @@ def test_the_commands_list_paint_and_write_pictures(small: Path, painted: Any, m
     ("words", "told"),
     [
         (("judge", "strokes.csv", "--picture", "unicorn"), "'unicorn' is neither"),
-        (("judge", "no.csv", "--picture", "cat"), "no.csv"),
+        (("judge", "no.svg", "--picture", "cat"), "no.svg"),
         (("judge", "strokes.csv", "--picture", "cat", "--strokes", "200"), "budgets are 100, 300, 1000"),
         (("cell", "--entrant", "theirs", "--picture", "cat"), "is no entrant"),
         (("cell", "--entrant", "ours", "--picture", "cat", "--seed", "-1"), "seed"),
