@@ -1,6 +1,7 @@
 from types import SimpleNamespace
 from typing import cast
 
+import cv2
 import numpy as np
 import torch
 
@@ -91,7 +92,11 @@ def test_hertzmann_follows_round_edges_and_does_not_turn_back():
         steps, outwards = np.diff(stroke.points, axis=0), stroke.points[:-1] - (0.06, 0.045)
         at_edge = abs(np.hypot(*outwards.T) - 0.03) < 0.25 * stroke.width
         aslant = abs((steps * outwards).sum(1)) / np.hypot(*steps.T) / np.hypot(*outwards.T)
-        assert (aslant[at_edge] < 0.35).all() and ((steps[1:] * steps[:-1]).sum(1) >= 0).all()
+        assert (aslant[at_edge] < 0.35).all()
+    clouds = 255 * cv2.GaussianBlur(np.random.default_rng(0).random((270, 360, 3)), (0, 0), 6)
+    for stroke in rivals.paint_hertzmann(clouds, 50, CANVAS, 0):
+        steps = np.diff(stroke.points, axis=0)
+        assert ((steps[1:] * steps[:-1]).sum(1) >= -1e-9).all()
 
 
 def test_hertzmann_keeps_the_budget():
@@ -99,4 +104,4 @@ def test_hertzmann_keeps_the_budget():
     plan = rivals.plan_hertzmann(run, two_halves(), BUDGET)
     assert 1 <= len(plan) <= 12 and len(plan.palette) <= 3
     more = rivals.plan_hertzmann(run, two_halves(), Budget(200, 3, 60.0, 100))
-    assert 60 < len(more) <= 200
+    assert 150 < len(more) <= 200

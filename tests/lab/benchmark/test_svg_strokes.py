@@ -64,7 +64,7 @@ BOX = 'viewBox="0 0 280 210"'
     "page",
     [
         PAGE, BOX, f'width="28cm" height="21cm" {BOX}', f'width="11.0236in" height="8.2677in" {BOX}',
-        'width="280" height="210"', f'width="100%" height="100%" {BOX}', f'width="1120px" height="840" {BOX}',
+        'width="280" height="210"', f'width="100%" height="100%" {BOX}', f'width="1120px" height="840px" {BOX}',
         'width="280mm" height="210mm" viewBox="-10 -5 280 210"',
     ],
 )  # fmt: skip
