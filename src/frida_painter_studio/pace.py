@@ -38,13 +38,13 @@ class WorkTimes:
     _effort: float = 1.0
     _started: datetime | None = None
     _first: datetime | None = None
-    _waits: list[datetime] = field(default_factory=list)  # of pauses and questions
+    _waits: list[datetime] = field(default_factory=list)  # of pauses, questions and resuming
     _stroke: datetime | None = None
     _look: datetime | None = None
 
     @property
     def opening(self) -> list[float]:
-        """Seconds from the start to the first stroke, if there was no pause or question in between."""
+        """Seconds from the start to the first stroke, if there was no pause, question or break in between."""
         started, first = self._started, self._first
         if started is None or first is None or any(started <= wait <= first for wait in self._waits):
             return []
@@ -65,7 +65,7 @@ class WorkTimes:
                     self.planning.append(max(0.0, seconds - _LOADING) / work)
             case events.Began("paint"):
                 self._started = at
-            case events.Asked() | events.Paused():
+            case events.Asked() | events.Paused() | events.SessionResumed():
                 self._waits.append(at)
                 self._look = None
             case events.StrokePainted() | events.StrokeLeftOut():
@@ -73,8 +73,6 @@ class WorkTimes:
                     self.strokes.append((at - self._stroke).total_seconds())
                 self._first = self._first or at
                 self._stroke = at
-            case events.SessionResumed():
-                self._look = None
             case events.Looked():
                 self._look = at
             case events.Planned() if self._look is not None and event.done and event.strokes >= _FEWEST:

@@ -18,13 +18,16 @@ from frida_painter.session.events import (
     GroundWanted,
     LayerBegun,
     Looked,
+    MotionBegan,
     PaintsWanted,
     Paused,
     PersonStrokeBegan,
     PersonStrokePainted,
     Planned,
     PlanningStep,
+    Resumed,
     Scheduled,
+    SessionResumed,
     StrokePainted,
     TimelapseFrame,
     Timetable,
@@ -208,6 +211,24 @@ def test_the_time_left_falls_as_the_paint_dries() -> None:
     assert left == pytest.approx([610, 310, 10])
     assert _words(Drying(1, 600.0, 300.0), 1.0) == "letting the paint dry, 5 min 00 s more"
     assert _words(Drying(1, 600.0, 300.0), 0.0) == ""
+
+
+@pytest.mark.parametrize("left", [400.0, 0.0])
+def test_paint_that_dried_while_nobody_painted_is_not_waited_for_and_strokes_are_measured_again(left: float) -> None:
+    clock, table = RemainingTime(), Timetable(strokes=10.0, after=tuple(map(float, range(1, 11))), dried=(0.0,) * 10)
+    clock.hear(WorkExpected(20, (), 0, 0), 0.0)
+    clock.hear(Scheduled(table, 10), 0.0)
+    for now, wet in ((1.0, 1200.0), (61.0, 1140.0)):
+        clock.hear(Drying(10, 1200.0, wet), now)
+    clock.hear(SessionResumed(10), 9000.0)
+    clock.hear(Resumed(10), 9000.0)
+    clock.hear(Scheduled(table.after_drying(left), 10), 9000.0)
+    for wet in dict.fromkeys((left, 0.0)) if left else ():
+        clock.hear(Drying(10, 1200.0, wet), 9000.0 + left - wet)
+    clock.hear(LayerBegun(10, 2, "fine"), 9000.0 + left)
+    clock.hear(MotionBegan(("stroke 11",), 11), 9000.0 + left)
+    clock.hear(StrokePainted(11, 20), 9002.0 + left)
+    assert clock.remaining == pytest.approx(9 * 2)
 
 
 def _frame(done: int) -> TimelapseFrame:

@@ -77,6 +77,13 @@ def test_pauses_and_stops_are_not_counted_and_what_was_painted_around_them_is(st
     assert (found["opening"], found["painting"], found["known"]) == (6.0, 2.0, True)
 
 
+def test_a_break_before_the_first_stroke_is_no_opening(store: PaintingStore) -> None:
+    begun = {"kind": "began", "at": 100.0, "what": "paint", "plan": 1}
+    resumed = {"kind": "session_resumed", "at": 90_000.0, "done": 0}
+    write(store, *PLANNED, begun, resumed, *strokes(1, 20, 90_007.0, 2.0))
+    assert pace(store, real_time=False)["opening"] == 15.0
+
+
 @pytest.mark.parametrize(("asked", "opening"), [(102.0, 15.0), (120.0, 6.0)])
 def test_a_start_in_which_a_person_was_asked_tells_nothing_of_the_easel(
     store: PaintingStore, asked: float, opening: float

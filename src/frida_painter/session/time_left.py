@@ -156,6 +156,8 @@ class RemainingTime:
                     self._forget_looks(until=done)
                 else:
                     self._since = 0.0
+            case events.SessionResumed():  # the break was no work, and what dried then is known from the next event
+                self._wet, self._waits, self._since, self._share = None, False, 0.0, 0.0
             case events.Resumed(done=done):
                 self._since, self._plan_left, self._painted = 0.0, 0.0, done
                 self._forget_looks(until=done - 1)
