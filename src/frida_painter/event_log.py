@@ -145,7 +145,7 @@ class EventLog:
             with contextlib.suppress(OSError):
                 self.flush()
             if self.policy.precious:
-                self._reserve.unlink(missing_ok=True)
+                _reserve_path(self.path).unlink(missing_ok=True)
             self._let_go()
 
     def __enter__(self) -> Self:
@@ -160,10 +160,6 @@ class EventLog:
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
-
-    @property
-    def _reserve(self) -> Path:
-        return _reserve_path(self.path)
 
     @contextlib.contextmanager
     def _lock(self) -> Iterator[None]:
@@ -207,9 +203,9 @@ class EventLog:
         try:
             self._put(line)
         except OSError as error:
-            if error.errno not in (errno.ENOSPC, errno.EDQUOT) or not self._reserve.exists():
+            if error.errno not in (errno.ENOSPC, errno.EDQUOT) or not _reserve_path(self.path).exists():
                 raise
-            self._reserve.unlink()
+            _reserve_path(self.path).unlink()
             self._put(line)
 
     def _put(self, line: bytes) -> None:
@@ -234,12 +230,12 @@ class EventLog:
             raise self._failure(error) from error
 
     def _lay_reserve(self) -> None:
-        if not self._reserve.exists():
+        if not _reserve_path(self.path).exists():
             try:
-                with self._reserve.open("wb") as file:
+                with _reserve_path(self.path).open("wb") as file:
                     os.posix_fallocate(file.fileno(), 0, _RESERVE)
             except OSError:
-                self._reserve.unlink(missing_ok=True)  # an incomplete reserve would count as a complete one
+                _reserve_path(self.path).unlink(missing_ok=True)  # an incomplete reserve would count as a complete one
                 raise
 
     def _failure(self, error: OSError) -> StorageError:
@@ -261,23 +257,20 @@ def missing(path: Path, what: str) -> int:
     return _missing(path, content, content.count(b"\n"))
 
 
-def _read_tally(path: Path) -> tuple[int, int, bytes] | None:
-    """Returns number, bytes and last checksum of the flushed records; None if the tally is not there, or not whole."""
-    try:
+def _read_tally(path: Path) -> tuple[int, int, bytes]:
+    """Returns number, bytes and last checksum of the flushed records; zeros if there is no whole tally."""
+    tally = None
+    with contextlib.suppress(StorageError):
         tally = _TALLY.fullmatch(storage.read_bytes(_tally_path(path), "a tally", 2 * _TALLY_BYTES))
-    except StorageError:
-        return None
     if tally is None or _line_checksum(b"", tally[1]) != tally[5]:  # incomplete after a power cut
-        return None
+        return 0, 0, _START
     return int(tally[2]), int(tally[3]), tally[4]
 
 
 def _missing(path: Path, content: bytes, count: int) -> int:
-    if (tally := _read_tally(path)) is None:
-        return 0
-    counted, length, last = tally
+    counted, length, last = _read_tally(path)
     line = content[content.rfind(b"\n", 0, length - 1) + 1 : length]
-    return 0 if line.endswith(b"\n") and line.startswith(last) else max(1, counted - count)
+    return 0 if not length or (line.endswith(b"\n") and line.startswith(last)) else max(1, counted - count)
 
 
 def remove(path: Path) -> None:
@@ -369,10 +362,7 @@ def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
 
 
 def _strict(content: bytes, path: Path, what: str) -> _Parsed:
-    """Returns all records up to an incomplete last line, or up to damage after the flushed ones, as of a power cut.
-
-    Raises StorageError if anything else is damaged.
-    """
+    """Returns all records. Raises StorageError if more is damaged than a last line, or lines that were not flushed."""
     last, length = _START, 0
     records: list[dict[str, Any]] = []
     while length < len(content):
@@ -391,8 +381,7 @@ def _strict(content: bytes, path: Path, what: str) -> _Parsed:
         raise StorageError(
             f"{path} is damaged, or is not {what}: not even its first record is whole; take an undamaged copy."
         )
-    tally = None if _may_be_torn(content[length:]) else _read_tally(path)
-    if not _may_be_torn(content[length:]) and (tally is None or length < tally[1]):
+    if not _may_be_torn(content[length:]) and not 0 < _read_tally(path)[1] <= length:  # as a power cut leaves it
         raise StorageError(
             f"{path} was changed after it was written: its record {len(records) + 1} is damaged, and it is not the "
             "last; take an unchanged copy."

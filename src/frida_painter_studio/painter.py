@@ -228,10 +228,8 @@ class PauseController:
                     self._conferring = True  # until go_on
                     return "turn" if self._is_turn else "person"
                 case commands.TakeTurns() as turns:
-                    try:
+                    with suppress(StorageError):  # on a full disk the painting pauses by itself, and tells why
                         self._take_turns(turns)
-                    except StorageError as full:  # the robot paints on, and pauses itself where it must
-                        self._remark(str(full))
                 case commands.PaintStroke():  # the page refuses it too, but the painting may have gone on meanwhile
                     self._remark(commands.ROBOT_MOVES)
                 case commands.GO_ON:

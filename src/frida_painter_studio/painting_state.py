@@ -259,9 +259,8 @@ class PaintingPage:
     @property
     def _is_taken_up(self) -> bool:
         """True if the painter of the last job has begun its sitting, or needs none, or if nobody ordered one here."""
-        painting = self.painting
-        whole = painting.finished and painting.results is not None  # results are made again without a sitting
-        return whole or painting.runs > self.sittings or self.job not in ("paint", "resume")
+        whole = self.painting.finished and self.painting.results is not None  # made again, without a sitting
+        return whole or self.painting.runs > self.sittings or self.job not in ("paint", "resume")
 
     def _find_doing(self, truth: Truth) -> Doing | None:
         """Returns what is done with the painting, or how it ended; None before a person began it."""

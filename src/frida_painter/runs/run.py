@@ -340,10 +340,8 @@ class PaintingRun:
         self._led = "" if plan is None else "It was painted from a plan that was given; verify the folder of that plan."
         self._journal = Journal.begin(self.folder, self.spec.record(), input_hashes(self.spec, self.folder))
         self._stack.callback(self._journal.close)
-        recorder = self._recorder()
-        self._stack.enter_context(recorder)
-        session = self._open_session(self.easel)
-        spec = self.spec
+        recorder = self._stack.enter_context(self._recorder())
+        session, spec = self._open_session(self.easel), self.spec
         first = plan or (self.plan() if spec.together else None)
         return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, first))
 
@@ -395,9 +393,7 @@ class PaintingRun:
         storage.clear_leftovers(self.folder, self.folder / SKETCHBOOK, self.folder / PHOTOGRAPHS)
         self._take_up_record()
         if self._reopened.history.finished:
-            outcome = self._make_results(self._reopened.history, self._reopened.plan)
-            self._conclude(outcome)
-            return outcome
+            return self._conclude(self._make_results(self._reopened.history, self._reopened.plan))
         if self._easel is None:
             self.open_easel()
         history, kept = self._reopened.history, self._reopened.plan
@@ -413,8 +409,7 @@ class PaintingRun:
         before, now = self._find_canvas(session, kept, unseen=unseen)
         if history.person:
             session.person.remember(history.person, seen, history.person_released)
-        doubtful = history.in_doubt is not None
-        repaint = False
+        doubtful, repaint = history.in_doubt is not None, False
         if now is not None and kept is not None and (number := history.in_doubt) is not None:
             painted = self.planner.expected(kept.plan.part(slice(number - 1, number)), now)
             picture = doubt(kept.plan, number - 1, now, painted)
@@ -642,21 +637,19 @@ class PaintingRun:
                 ) from full
         if painting is not None and painting.rest is not None and not len(painting.rest) and trouble is None:
             self._results = {"painting": hash_picture(painting.photograph)}
-        learned = session.hand.placement
         kept = None
         if not trouble and painting is not None:
-            kept = keep_learned(self.spec, self._record, learned, painting, session.learn_wet_paint)
-        outcome = RunOutcome(self.folder, painting, page, trouble, kept)
-        if page is not None:
-            self._conclude(outcome)
-        return outcome
+            kept = keep_learned(self.spec, self._record, session.hand.placement, painting, session.learn_wet_paint)
+        return self._conclude(RunOutcome(self.folder, painting, page, trouble, kept))
 
-    def _conclude(self, outcome: RunOutcome) -> None:
-        """Adds further results, and tells which results there are."""
-        self.finish(outcome)
-        files = {"film": "film.mp4", "arm": ARM_FILM, "painters": "painters.png"}
-        there = {name: (self.folder / file).exists() for name, file in files.items()}
-        self.report(events.ResultFound("results", detail=there))
+    def _conclude(self, outcome: RunOutcome) -> RunOutcome:
+        """Adds further results, tells which results there are, and returns the outcome."""
+        if outcome.page is not None:
+            self.finish(outcome)
+            files = (("film", "film.mp4"), ("arm", ARM_FILM), ("painters", "painters.png"))
+            there = {name: (self.folder / file).exists() for name, file in files}
+            self.report(events.ResultFound("results", detail=there))
+        return outcome
 
 
 @contextmanager

@@ -13,8 +13,6 @@ have them, and pictures are named by their files. `PaintingState` (fold.py) fold
     ...     painting = run.simulate()
     1
     2
-
-This module loads neither torch nor the planner, because the web process reads events.
 """
 
 from __future__ import annotations
@@ -25,7 +23,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Any, Literal, Self, dataclass_transform
 
 from pydantic import TypeAdapter
 
@@ -35,7 +33,7 @@ if TYPE_CHECKING:
     from frida_painter.plan import Plan
     from frida_painter.planning.forecast import SimilarityForecast
     from frida_painter.strokes import Strokes
-else:
+else:  # the web process reads events, and loads neither torch nor the planner
     Tensor = Plan = SimilarityForecast = Strokes = Any  # live fields are never read from a record
 
 
@@ -49,6 +47,10 @@ class Event:
 
     def __init_subclass__(cls) -> None:
         dataclass(frozen=True)(cls)
+
+    def without_live(self) -> Self:
+        """Returns the event without its live fields, as a record tells it."""
+        return replace(self, **dict.fromkeys(_live_fields(type(self))))
 
 
 class Durable(Event):
@@ -645,7 +647,6 @@ class Finishing(Event):
     """The robot no longer moves; film, page and exports are being made."""
 
 
-_E = TypeVar("_E", bound=Event)
 Notify = Callable[[Event], None]
 """Function that hears every event of a painting, such as each of the `listeners` of PaintingRun."""
 
@@ -663,14 +664,8 @@ KINDS: Mapping[str, type[Event]] = {
 def record(event: Event) -> dict[str, Any]:
     """Returns the JSON form of an event, without its live fields, with the current time."""
     at = datetime.now(UTC).isoformat(timespec="milliseconds")
-    dropped, told = _live_fields(type(event)), asdict(without_live(event))
+    dropped, told = _live_fields(type(event)), asdict(event.without_live())
     return {"kind": kind_of(type(event)), "at": at, **{name: told[name] for name in told if name not in dropped}}
-
-
-def without_live(event: _E) -> _E:
-    """Returns an event without its live fields, as a record tells it."""
-    dropped = _live_fields(type(event))
-    return replace(event, **dict.fromkeys(dropped)) if dropped else event
 
 
 def events_of(written: Mapping[str, Any]) -> list[Event]:

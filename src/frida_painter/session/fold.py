@@ -38,6 +38,8 @@ _DOING: dict[type[Event], Doing] = {
     events.Paused: "paused",
     events.WentOn: "painting",
     events.Finishing: "finishing",
+    events.Stopped: "stopped",
+    events.Failed: "failed",
 }
 
 
@@ -234,7 +236,7 @@ class PaintingState:
         sitting = isinstance(event, events.PaintingBegun | events.SessionResumed)
         if at is not None:
             begins = sitting or isinstance(event, events.WorkExpected)  # a resumed painting looks before it goes on
-            if not (begins or self.finished) and self.last is not None:
+            if not (begins or self.finished or self.last is None):
                 self.seconds += max(0.0, (at - self.last).total_seconds())  # a clock may be set back
             self.last = at
         self.runs += sitting
@@ -258,10 +260,8 @@ class PaintingState:
                 self.of = strokes
             case events.Stopped():
                 self.stopped = True
-                self._end("stopped")
             case events.Failed(reason):
                 self.trouble = reason
-                self._end("failed")
             case events.Finished(robot_seconds=robot_seconds):
                 self.finished, self.robot_seconds = True, robot_seconds
             case events.ResultFound("results", detail=there):
@@ -275,13 +275,10 @@ class PaintingState:
                 self.doing = "painting" if self.doing == "paused" else self.doing  # at the terminal nobody tells it
             case events.StrokePainted(done, of) | events.StrokeLeftOut(done, of):
                 self.painted, self.of, self.in_doubt = done, of or self.of, None
-                if isinstance(event, events.StrokePainted):
-                    self.since_dip += 1
-                else:
-                    self.given_up.append(done)
+                self.since_dip += isinstance(event, events.StrokePainted)
+                self.given_up += [done] if isinstance(event, events.StrokeLeftOut) else []
             case events.Dipped(well, cleaned):
-                self.dips += 1
-                self.cleanings += int(cleaned)
+                self.dips, self.cleanings = self.dips + 1, self.cleanings + cleaned
                 self.paint, self.since_dip = self.first_paint + well, 0
                 self.dips_of[self.paint] = self.dips_of.get(self.paint, 0) + 1
             case events.Drying():
@@ -376,10 +373,6 @@ class PaintingState:
         if file is not None:
             self.last_photograph = file
             self.photographs[file] = content
-
-    def _end(self, how: Doing) -> None:
-        if self.doing not in ENDS:
-            self.doing = how
 
     def wet(self, now: datetime | None = None) -> float | None:
         """Returns the seconds that the last layer still dries; None if drying did not begin.

@@ -40,7 +40,6 @@ from frida_painter.session.events import (
     StrokePainted,
     record,
     time_of,
-    without_live,
 )
 from frida_painter.session.fold import FORMAT, VERSION, PaintingState
 
@@ -166,7 +165,7 @@ class Journal:
             self._write(event, flush=False)
 
     def _write(self, event: Event, *, flush: bool) -> None:
-        event = without_live(event)  # the state keeps events, and their pixels would fill the memory
+        event = event.without_live()  # the state keeps events, and their pixels would fill the memory
         if self._book is None:
             self.state.hear(event, datetime.now(UTC))
             return
