@@ -50,7 +50,7 @@ class Event:
 
     def without_live(self) -> Self:
         """Returns the event without its live fields, as a record tells it."""
-        return replace(self, **dict.fromkeys(_live_fields(type(self))))
+        return replace(self, **dict.fromkeys(_live_fields(kind_of(type(self)))))
 
 
 class Durable(Event):
@@ -664,7 +664,7 @@ KINDS: Mapping[str, type[Event]] = {
 def record(event: Event) -> dict[str, Any]:
     """Returns the JSON form of an event, without its live fields, with the current time."""
     at = datetime.now(UTC).isoformat(timespec="milliseconds")
-    dropped, told = _live_fields(type(event)), asdict(event.without_live())
+    dropped, told = _live_fields(kind_of(type(event))), asdict(event.without_live())
     return {"kind": kind_of(type(event)), "at": at, **{name: told[name] for name in told if name not in dropped}}
 
 
@@ -683,8 +683,8 @@ def time_of(written: Mapping[str, Any]) -> datetime:
 
 
 @functools.cache
-def _live_fields(kind: type[Event]) -> frozenset[str]:
-    return frozenset(each.name for each in fields(kind) if each.metadata.get("live"))
+def _live_fields(kind: str) -> frozenset[str]:
+    return frozenset(each.name for each in fields(KINDS[kind]) if each.metadata.get("live"))
 
 
 @functools.cache
