@@ -27,7 +27,7 @@ from frida_painter.runs.painting_folder import NOW
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import PauseCause, Paused, events_of, time_of
-from frida_painter.session.fold import ENDS, PaintingState
+from frida_painter.session.fold import ENDS, PaintingState, require_journal
 from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
 
@@ -165,6 +165,7 @@ def follow(folder: Path) -> None:
     place = (
         folder if storage.exists(folder / JOURNAL) or not storage.exists(folder / "painting") else folder / "painting"
     )
+    require_journal(place)
     PaintingState.of_journal(EventLog.read(place / JOURNAL), place)
     state, reader, at_work = PaintingState(), LogReader(place / JOURNAL), True
     with suppress(KeyboardInterrupt), PaintingLine(Console(stderr=True, highlight=False), lambda: state) as line:

@@ -61,6 +61,14 @@ class LookState:
     found: str = ""
 
 
+def require_journal(folder: Path) -> None:
+    """Raises StorageError if the folder holds no journal of a painting."""
+    if not storage.exists(folder / JOURNAL):
+        raise StorageError(
+            f"{storage.abridge(folder)} is not the folder of a painting: it holds no journal; give one that does."
+        )
+
+
 @dataclass
 class PaintingState:
     """State of a painting.

@@ -41,7 +41,7 @@ from frida_painter.session.events import (
     record,
     time_of,
 )
-from frida_painter.session.fold import FORMAT, VERSION, PaintingState
+from frida_painter.session.fold import FORMAT, VERSION, PaintingState, require_journal
 
 PLAN = "plan.json"
 PHOTOGRAPHS = "photographs"
@@ -85,10 +85,7 @@ class Journal:
 
         Raises StorageError if the folder has no journal, a damaged one, or one of another version.
         """
-        if not storage.exists(folder / JOURNAL):
-            raise StorageError(
-                f"{storage.abridge(folder)} is not the folder of a painting: it holds no journal; give one that does."
-            )
+        require_journal(folder)
         book = EventLog(folder / JOURNAL)
         try:
             state = PaintingState.of_journal(book.found, folder)
