@@ -3,12 +3,34 @@
 import contextlib
 import json
 from collections.abc import Iterator
-from typing import Any
 
 from PIL import Image
 from playwright.sync_api import Page
 
+from frida_painter.easel.kinds import JOURNAL
 from frida_painter.event_log import FEED, EventLog
+from frida_painter.session.events import (
+    Began,
+    Dipped,
+    Event,
+    Finished,
+    Finishing,
+    Looked,
+    PaintingBegun,
+    Paused,
+    PersonMayPaint,
+    PersonStrokePainted,
+    PlanAdopted,
+    Planned,
+    Queued,
+    RegionProtected,
+    ResultFound,
+    Scheduled,
+    StrokePainted,
+    TimelapseFrame,
+    Timetable,
+    record,
+)
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import WorkerLock
 from served import Served
@@ -25,36 +47,36 @@ PALETTE = [
 ]
 MIXTURES = [{"recipe": "1 red", "millilitres": 3.0, "near": True}] * 2
 MADE = {"prefix": "", "frames": [0, 40], "strokes": 40, "palette": PALETTE}
-PLANNED: list[dict[str, Any]] = [
-    {"kind": "plan_requested", "plan": 1, "wish": REQUEST},
-    {"kind": "plan_made", "plan": 1, "nearer": 0.5, "seconds": 10.0, "mixtures": MIXTURES, **MADE},
+PLANNED: list[Event] = [
+    Began("plan", plan=1, detail=REQUEST),
+    ResultFound("plan", plan=1, detail={"nearer": 0.5, "seconds": 10.0, "mixtures": MIXTURES, **MADE}),
 ]
-PAINTED: list[dict[str, Any]] = [
-    {"kind": "painting_started", "plan": 1, "of": 40},
-    {"kind": "dipped", "paint": 1},
-    *({"kind": "stroke_painted", "done": done, "of": 40} for done in (1, 2, 3)),
-    {"kind": "photograph_shown", "picture": "photograph-00000.jpg", "done": 3},
+BEGUN: list[Event] = [Began("paint", plan=1, detail={"of": 40}), PaintingBegun({}, {})]
+PAINTED: list[Event] = [
+    *BEGUN,
+    PlanAdopted("", 0, None, (0.0, 0.0, 0.0), ()),
+    Scheduled(Timetable(strokes=160.0, after=tuple(4.0 * done for done in range(1, 41))), 0),
+    Dipped(1),
+    *(StrokePainted(done, 40) for done in (1, 2, 3)),
+    TimelapseFrame(3, 40, (0.0, 0.0, 0.0), "sketchbook/glimpse-000003.jpg"),
 ]
-PAUSED = {"kind": "paused", "reason": "It has paused.", "done": 3, "cause": "person"}
-PERSON: list[dict[str, Any]] = [
-    {
-        "kind": "person_may_paint",
-        "brushes": [
-            {"name": name, "light": wide / 4, "hard": wide} for name, wide in (("fine", 0.004), ("medium", 0.008))
-        ],
-        "wells": ["#c06030", "#203050"],
-    },
-    *({"kind": "person_stroke_painted", "number": number, "done": 3} for number in (1, 2)),
+PAUSED = Paused("It has paused.", 3, "person")
+PERSON: list[Event] = [
+    PersonMayPaint(
+        [{"name": name, "light": wide / 4, "hard": wide} for name, wide in (("fine", 0.004), ("medium", 0.008))],
+        ["#c06030", "#203050"],
+    ),
+    *(PersonStrokePainted(number, 3) for number in (1, 2)),
 ]
-PROTECTED: list[dict[str, Any]] = [
-    {"kind": "considering"},
-    {"kind": "region_protected", "region": "regions/1.png", "only": False, "picture": "region-1.png"},
-    {"kind": "look_shown", "done": 3, "seen": "look.jpg", "expected": "look.jpg", "difference": "look.jpg"},
-    {"kind": "rest_replanned", "done": 3, "gain": -0.2, **MADE, "strokes": 37, "prefix": "plan-1-"},
+LOOKED = Looked(3, dict.fromkeys(("seen", "expected", "difference"), "look.jpg"))
+PROTECTED: list[Event] = [
+    RegionProtected("regions/1.png", picture="region-1.png"),
+    LOOKED,
+    Planned(3, 37, 1.0, 1.2, look="look.jpg", shown={**MADE, "strokes": 37, "prefix": "plan-1-"}),
 ]
-FINISHED: list[dict[str, Any]] = [
-    *({"kind": "stroke_painted", "done": done, "of": 40} for done in range(4, 41)),
-    {"kind": "finishing"}, {"kind": "painting_kept", "film": True}, {"kind": "rests"},
+FINISHED: list[Event] = [
+    *(StrokePainted(done, 40) for done in range(4, 41)),
+    Finished(40), Finishing(), ResultFound("results", detail={"film": True}),
 ]  # fmt: skip
 
 
@@ -67,7 +89,7 @@ class Told:
     def __init__(
         self,
         studio: Served,
-        *lines: dict[str, Any],
+        *told: Event,
         title: str = "Cup",
         pictures: dict[str, Image.Image] | None = None,
     ) -> None:
@@ -78,23 +100,28 @@ class Told:
         for folder in (plan, live):
             folder.mkdir(parents=True)
         (plan / "plan.json").write_text("{}")
-        for name in ("photograph-00000", "look", "plan-1-plan"):
-            shown.get("canvas", Image.new("RGB", (120, 90), (250, 250, 250))).save(live / f"{name}.jpg")
+        canvas = shown.get("canvas", Image.new("RGB", (120, 90), (250, 250, 250)))
         for name in ("plan", "after-0", "after-40"):
             shown.get("plan", Image.new("RGB", (120, 90), (30, 200, 90))).save(plan / f"{name}.jpg")
-        if any(line["kind"] == "painting_started" for line in lines):
-            painting.mkdir()
+        if PaintingBegun in map(type, told):
+            (painting / "sketchbook").mkdir(parents=True)
+            for name in ("painting/look", "painting/sketchbook/glimpse-000003", "live/plan-1-plan"):
+                canvas.save(self.folder.path / f"{name}.jpg")
             shown.get("canvas", Image.new("RGB", (120, 90), (250, 0, 250))).save(painting / "painting.png")
         Image.new("L", (120, 90), 255).save(live / "region-1.png")
         paths = {"height": 750, "paths": [[[100, 100], [300, 300]]] * 40, "widths": [40] * 40, "paint": [0, 1] * 20}
         for strokes in (plan / "strokes.json", live / "plan-1-strokes.json"):
             strokes.write_text(json.dumps(paths))
-        self._log = EventLog(self.folder.feed, FEED)
-        self.tell(*lines)
+        self._feed = self._log = EventLog(self.folder.feed, FEED)
+        self.tell(*told)
 
-    def tell(self, *lines: dict[str, Any]) -> None:
-        for line in lines:
-            self._log.append(line)
+    def tell(self, *told: Event) -> None:
+        """Tells events: what is ordered in the feed, and a painting that has begun in its journal."""
+        for event in told:
+            if isinstance(event, PaintingBegun):
+                self._log = EventLog(self.folder.painting / JOURNAL, FEED)  # which nobody owns
+            log = self._feed if isinstance(event, Began | Queued) else self._log
+            log.append(record(event))
 
     def show(self, page: Page) -> None:
         page.evaluate("id => { location.hash = `#/p/${id}`; }", self.id)

@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from browsing import (
 from frida_painter import images
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.workcell import WorkcellConfig
+from frida_painter.session.events import Advanced, Event, GoalChanged, ResultFound, Stopped, WentOn
 from frida_painter_calibration.teaching.families import load_family
 from frida_painter_studio.commands import PAUSE, ROBOT_MOVES, Inbox, Protect, Simple, TakeTurns
 from frida_painter_studio.studio_folder import PaintingFolder
@@ -37,7 +39,7 @@ from machines.simulated_time import Living
 from served import Served, opened_studio
 from support.boat import BOAT
 from support.planning import picture
-from support.told import CHANGED, FINISHED, PAINTED, PAUSED, PERSON, PICTURES, PLANNED, PROTECTED, REQUEST, Told
+from support.told import CHANGED, FINISHED, PAINTED, PAUSED, PERSON, PICTURES, PLANNED, PROTECTED, Told
 
 pytestmark = [WITH_CHROMIUM, pytest.mark.timeout(560)]
 
@@ -451,7 +453,7 @@ def test_a_machine_is_set_up_on_a_phone_left_and_continued_at_a_desk_by_keyboard
                 press(phone, "Another one")
             phone.get_by_label("Address").fill(living.name)
             press(phone, "Connect")
-            asked(phone, "bottom left corner")
+            asked(phone, "bottom-left corner")
             before = machine.tip.copy()
             for way, moved in (("Left", 10), ("Right", 5)):  # back: the step shrinks
                 press(phone, way)
@@ -459,7 +461,7 @@ def test_a_machine_is_set_up_on_a_phone_left_and_continued_at_a_desk_by_keyboard
             keep(phone, "setup-phone-guide")
             fits(phone)
             press(phone, "It is there")
-            asked(phone, "bottom right corner")
+            asked(phone, "bottom-right corner")
             press(phone, "It is there")
             asked(phone, "Shall it go down until it feels")
             press(phone, "No")
@@ -536,8 +538,10 @@ def tab_to(page: Page, name: str) -> None:
 
 def test_a_painting_is_shown_from_its_plan_to_its_card(opens: Open, studio: Served) -> None:
     requested, made = PLANNED
+    assert isinstance(made, ResultFound)
     with opens(1440, 900) as desk:
-        Told(studio, requested, {**made, "remarks": ["Not shown: 'a kite'."]}).show(desk)
+        told = replace(made, detail={**made.detail, "remarks": ["Not shown: 'a kite'."]})
+        Told(studio, requested, told).show(desk)
         expect(desk.get_by_role("heading", name="Review the plan")).to_be_focused()
         sees(desk, "Not shown: 'a kite'.")
         press(desk, "Goal")
@@ -564,9 +568,7 @@ def test_a_painting_is_shown_from_its_plan_to_its_card(opens: Open, studio: Serv
             painting.tell(*PROTECTED, PAUSED)
             expect(desk.locator(".looks")).to_contain_text("so that no stroke touches the protected part.")
             expect(desk.locator(".looks")).to_contain_text("20 % farther from the goal than the old ones")
-            painting.tell(
-                {"kind": "considering"}, {"kind": "goal_changed", "goal": "changes/1", "wish": CHANGED}, PAUSED
-            )
+            painting.tell(GoalChanged("changes/1", CHANGED, 3), PAUSED)
             goal = desk.get_by_role("list", name="The goal")
             expect(goal.get_by_alt_text("Drawing")).to_be_visible()
             expect(goal.get_by_text("weight: high")).to_be_visible()
@@ -758,11 +760,7 @@ def test_a_goal_is_pasted_drawn_made_from_words_or_taken_from_an_example(opens: 
         keep(phone, "example-taken")
 
 
-STOPPED_PLAN: list[dict[str, Any]] = [
-    {"kind": "plan_requested", "plan": 1, "wish": REQUEST},
-    {"kind": "planning_progress", "plan": 1, "share": 0.3, "left": 20.0},
-    {"kind": "stopped"},
-]
+STOPPED_PLAN: list[Event] = [PLANNED[0], Advanced("", 0.3, 20.0), Stopped()]
 AWAY = """() => {
   window.told = [];
   const state = { get: () => (window.away ? "hidden" : "visible"), configurable: true };
@@ -793,7 +791,6 @@ def test_what_happens_elsewhere_is_seen_queued_told_and_stopped_from_the_gallery
             queue.get_by_role("button", name="Remove").click()
             expect(queue).to_be_hidden()
         place = stop.bounding_box()
-        (painting.folder.painting / "journal").write_text("")
         with painting.at_work():
             expect(stop).to_have_class(live)
             assert stop.bounding_box() == place  # it is always where one reaches for it
@@ -807,12 +804,12 @@ def test_what_happens_elsewhere_is_seen_queued_told_and_stopped_from_the_gallery
             expect(seen).to_be_hidden()
             desk.evaluate("navigator.serviceWorker.ready")
             desk.evaluate(AWAY)
-            painting.tell({**PAUSED, "cause": "turn"})
+            painting.tell(replace(PAUSED, cause="turn"))
             expect(desk).to_have_title("● Cup · The studio")
             assert desk.evaluate("window.told") == ["Cup: it is your turn to paint."]
             desk.evaluate("() => { window.away = false; window.dispatchEvent(new Event('focus')); }")
             expect(desk).to_have_title("Cup · The studio")
-            painting.tell({"kind": "went_on"})
+            painting.tell(WentOn())
             painting.show(phone)
             expect(phone.get_by_role("button", name="Pause after this stroke")).to_be_visible()
         for page in (desk, phone):  # its painter was killed
@@ -834,8 +831,7 @@ def test_what_happens_elsewhere_is_seen_queued_told_and_stopped_from_the_gallery
 def test_a_role_sees_what_it_is_and_no_form_that_it_may_not_use(browser: Browser, studio: Served, role: str) -> None:
     plan = {"Make another plan", "Plan with these changes", "New painting"}
     hidden = {"watch": plan | {"Use plan 1", "Calibrate"}, "plan": {"Use plan 1", "Calibrate"}, "operate": set[str]()}
-    painting, stopped = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED, {"kind": "stopped", "done": 3})
-    (stopped.folder.painting / "journal").write_text("")
+    painting, stopped = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED, Stopped(3))
     context = browser.new_context(viewport={"width": 390 if role == "plan" else 1440, "height": 850})
     context.route("**/api/studio", lambda route: route.fulfill(json={**route.fetch().json(), "role": role}))
     page = context.new_page()

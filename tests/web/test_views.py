@@ -20,9 +20,35 @@ from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
 from browsing import WITH_CHROMIUM, complaints, require_stop_on_top
 from frida_painter.report.painters import Painters
+from frida_painter.session.events import (
+    Advanced,
+    Began,
+    Drying,
+    Event,
+    Failed,
+    PaintsWanted,
+    Queued,
+    ResultFound,
+    Stopped,
+    Turns,
+)
 from frida_painter_studio.painting_state import Stage
 from served import Served, opened_studio
-from support.told import FINISHED, PAINTED, PAUSED, PERSON, PICTURES, PLANNED, PROTECTED, REQUEST, Told
+from support.told import (
+    BEGUN,
+    FINISHED,
+    LOOKED,
+    MADE,
+    MIXTURES,
+    PAINTED,
+    PAUSED,
+    PERSON,
+    PICTURES,
+    PLANNED,
+    PROTECTED,
+    REQUEST,
+    Told,
+)
 
 pytestmark = [WITH_CHROMIUM, pytest.mark.timeout(560)]
 NIGHTLY = pytest.mark.skipif(not os.environ.get("EVERY_VIEW"), reason="`make views` draws all views")
@@ -30,46 +56,40 @@ NIGHTLY = pytest.mark.skipif(not os.environ.get("EVERY_VIEW"), reason="`make vie
 ROOT = Path(__file__).parents[2]
 SHEETS = ROOT / "docs/lab/views"
 
-REQUESTED, MADE = PLANNED
-GROWING: list[dict[str, Any]] = [
-    {"kind": "planning_progress", "share": 0.4, "left": 21.0, "plan": 1},
-    {"kind": "plan_preview", "picture": "after-40.jpg", "plan": 1},
-]
-STOPPED = {"kind": "stopped", "done": 3}
-BEGUN = PAINTED[:1]
-DRYING = {"kind": "drying", "done": 3, "seconds": 900.0, "left": 600.0}
-LEFT = {"kind": "time_left", "seconds": 160.0}
-FAILED = {"kind": "failed", "reason": "The serial line /dev/ttyUSB0 is gone (no such device); look at its cable."}
-STATES: dict[Stage, tuple[list[dict[str, Any]], bool]] = {  # its events, and if a process is at work
-    "waiting": ([REQUESTED, {"kind": "queued", "plan": 1, "job": "plan"}], False),
+REQUESTED = PLANNED[0]
+GROWING: list[Event] = [Advanced("", 0.4, 21.0), Advanced(picture="after-40.jpg")]
+STOPPED, TROUBLE = Stopped(3), Failed("The serial line /dev/ttyUSB0 is gone (no such device); look at its cable.")
+DRYING = Drying(3, 900.0, 600.0)
+STATES: dict[Stage, tuple[list[Event], bool]] = {  # its events, and if a process is at work
+    "waiting": ([REQUESTED, Queued(1, "plan")], False),
     "planning": ([REQUESTED, *GROWING], True),
     "plan stopped": ([REQUESTED, *GROWING, STOPPED], False),
-    "plan failed": ([REQUESTED, {"kind": "failed", "reason": "The disk is full; make room on it."}], False),
+    "plan failed": ([REQUESTED, Failed("The disk is full; make room on it.")], False),
     "planned": ([*PLANNED], False),
-    "queued": ([*PLANNED, {"kind": "queued", "plan": 1, "job": "paint"}], False),
+    "queued": ([*PLANNED, Queued(1, "paint")], False),
     "preparing": ([*PLANNED, *BEGUN], True),
-    "mixing": ([*PLANNED, *BEGUN, {"kind": "mixing"}], True),
-    "painting": ([*PLANNED, *PAINTED, LEFT], True),
+    "mixing": ([*PLANNED, *BEGUN, PaintsWanted(("#c06030",))], True),
+    "painting": ([*PLANNED, *PAINTED], True),
     "drying": ([*PLANNED, *PAINTED, DRYING], True),
-    "replanning": ([*PLANNED, *PAINTED, {"kind": "considering"}], True),
+    "replanning": ([*PLANNED, *PAINTED, LOOKED], True),
     "paused": ([*PLANNED, *PAINTED, *PROTECTED, PAUSED], True),
-    "finishing": ([*PLANNED, *PAINTED, *FINISHED[:-2]], True),
+    "finishing": ([*PLANNED, *PAINTED, *FINISHED[:-1]], True),
     "finished": ([*PLANNED, *PAINTED, *FINISHED], False),
     "stopped": ([*PLANNED, *PAINTED, STOPPED], False),
-    "failed": ([*PLANNED, *PAINTED, FAILED], False),
+    "failed": ([*PLANNED, *PAINTED, TROUBLE], False),
     "lost": ([*PLANNED, *PAINTED], False),
 }
 PLACES = {"gallery": "#/", "new": "#/new", "calibrate": "#/calibrate", "teach": "#/teach"}
 TOGETHER = {**REQUEST, "terms": [], "together": True, "brushes": "medium"}
-WITHOUT_GOAL: list[dict[str, Any]] = [
-    {"kind": "plan_requested", "plan": 1, "wish": TOGETHER},
-    {**MADE, "wish": TOGETHER, "strokes": 0, "frames": [0]},
+WITHOUT_GOAL: list[Event] = [
+    Began("plan", plan=1, detail=TOGETHER),
+    ResultFound("plan", plan=1, detail={**MADE, "mixtures": MIXTURES, "strokes": 0, "frames": [0]}),
 ]
-TURNS = {"kind": "turns", "strokes": 3, "minutes": 0.0, "policy": "continue", "keep": "keep"}
-KEPT_BY_TWO = [{**line, "painters": True} if line["kind"] == "painting_kept" else line for line in FINISHED]
-TOGETHERS: dict[str, tuple[list[dict[str, Any]], bool]] = {  # stages of a person who paints, too
+TURNS = Turns(3, policy="continue", keep="protect")
+KEPT_BY_TWO = [*FINISHED[:-1], ResultFound("results", detail={"film": True, "painters": True})]
+TOGETHERS: dict[str, tuple[list[Event], bool]] = {  # stages of a person who paints, too
     "no goal, planned": (WITHOUT_GOAL, False),
-    "no goal, your turn": ([*WITHOUT_GOAL, {**BEGUN[0], "of": 0}, *PERSON, TURNS, PAUSED], True),
+    "no goal, your turn": ([*WITHOUT_GOAL, Began("paint", plan=1), *BEGUN[1:], *PERSON, TURNS, PAUSED], True),
     "form of turns": ([*PLANNED, *PAINTED, *PERSON, PAUSED], True),
     "who painted what": ([*PLANNED, *PAINTED, *PERSON, *KEPT_BY_TWO], False),
 }
@@ -124,8 +144,6 @@ def paintings(studio: Served) -> Iterator[dict[str, Told]]:
                 dict.fromkeys(("plan", "canvas"), bare) if "no goal" in stage else {"plan": plan, "canvas": canvas}
             )
             told[stage] = Told(studio, *events, title=stage.capitalize(), pictures=pictures)
-            if stage in ("stopped", "failed"):
-                (told[stage].folder.painting / "journal").write_text("")
             if stage == "who painted what":
                 keep_painters(told[stage].folder.painting, canvas)
             stack.enter_context(told[stage].at_work() if works else nullcontext())

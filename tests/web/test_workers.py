@@ -38,9 +38,9 @@ time.sleep(60)
 def workers(tmp_path: Path) -> Iterator[Workers]:
     opened = Workers(WebAppEasel(tmp_path / "record.json"))
     yield opened
-    for one in opened._started:
-        one.process.kill()
-        one.process.wait()
+    for process, _ in opened._started:
+        process.kill()
+        process.wait()
 
 
 def begin(workers: Workers, path: Path) -> PaintingFolder:
@@ -68,7 +68,7 @@ def test_workers_that_have_done_their_work_and_take_their_time_to_end_keep_nobod
         while working(folder) and time.monotonic() < patience:
             time.sleep(0.01)
     assert not workers.busy
-    assert all(one.process.poll() is None for one in workers._started)
+    assert all(process.poll() is None for process, _ in workers._started)
 
 
 def test_a_third_painting_waits_while_two_are_at_work(
