@@ -3,6 +3,7 @@
 import contextlib
 import json
 from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 
 from PIL import Image
 from playwright.sync_api import Page
@@ -29,6 +30,7 @@ from frida_painter.session.events import (
     StrokePainted,
     TimelapseFrame,
     Timetable,
+    WorkExpected,
     record,
 )
 from frida_painter_studio.store import PaintingStore
@@ -54,6 +56,7 @@ PLANNED: list[Event] = [
 BEGUN: list[Event] = [Began("paint", plan=1, detail={"of": 40}), PaintingBegun({}, {})]
 PAINTED: list[Event] = [
     *BEGUN,
+    WorkExpected(40, (), 0, 0),
     PlanAdopted("", 0, None, (0.0, 0.0, 0.0), ()),
     Scheduled(Timetable(strokes=160.0, after=tuple(4.0 * done for done in range(1, 41))), 0),
     Dipped(1),
@@ -113,15 +116,17 @@ class Told:
         for strokes in (plan / "strokes.json", live / "plan-1-strokes.json"):
             strokes.write_text(json.dumps(paths))
         self._feed = self._log = EventLog(self.folder.feed, FEED)
+        self._clock = datetime.now(UTC)
         self.tell(*told)
 
     def tell(self, *told: Event) -> None:
-        """Tells events: what is ordered in the feed, and a painting that has begun in its journal."""
+        """Tells events, four seconds apart: orders in the feed, and a painting that has begun in its journal."""
         for event in told:
             if isinstance(event, PaintingBegun):
                 self._log = EventLog(self.folder.painting / JOURNAL, FEED)  # which nobody owns
             log = self._feed if isinstance(event, Began | Queued) else self._log
-            log.append(record(event))
+            self._clock += timedelta(seconds=4)
+            log.append({**record(event), "at": self._clock.isoformat()})
 
     def show(self, page: Page) -> None:
         page.evaluate("id => { location.hash = `#/p/${id}`; }", self.id)

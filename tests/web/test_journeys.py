@@ -563,6 +563,7 @@ def test_a_painting_is_shown_from_its_plan_to_its_card(opens: Open, studio: Serv
             box = desk.locator(".easel .mount:visible").bounding_box()
             assert box is not None and box["height"] >= 0.55 * 900
             expect(desk.locator(".easel-state")).to_contain_text("paint 2, 3 strokes since the dip")
+            sees(desk, re.compile(r"^about \d+ \w+ left$"))
             painting.tell(PAUSED)
             expect(desk.locator(".easel-state")).to_contain_text("stands still, arm aside")
             painting.tell(*PROTECTED, PAUSED)
