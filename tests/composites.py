@@ -2,15 +2,28 @@
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
+from hypothesis import strategies as st
 from torch import Tensor
 
 from frida_painter.brush.kinds import CoverageSpread
 
 F64 = torch.float64
 Composite = Callable[[Tensor, Tensor, Tensor, Tensor], Tensor]
+
+
+# Arguments of `scene` and of `CoverageSpread`, for hypothesis.
+VARYING_SCENES: dict[str, Any] = {
+    "n": st.integers(0, 12),
+    "cells": st.tuples(st.integers(1, 9), st.integers(1, 9)),
+    "pixels": st.tuples(st.integers(1, 33), st.integers(1, 40)),
+    "scale": st.sampled_from((0.05, 0.3, 1.0, 3.0, 20.0)),
+    "share": st.floats(0, 1),
+    "full": st.floats(0.05, 1),
+    "seed": st.integers(0, 2**31),
+}
 
 
 class Scene(NamedTuple):

@@ -3,7 +3,6 @@
 import ctypes
 import sys
 from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
 from typing import Any
 
 import torch
@@ -54,16 +53,6 @@ def half_precision(device: torch.device) -> AbstractContextManager[Any]:
     if device.type == "cuda" and torch.cuda.get_device_capability(device) >= _COMPUTES_BFLOAT16:
         return torch.autocast("cuda", dtype=torch.bfloat16)
     return nullcontext()
-
-
-def free_memory(device: torch.device) -> int | None:
-    """Returns the bytes that are free on a device; None if that is unknown."""
-    if device.type == "cuda":
-        return torch.cuda.mem_get_info(device)[0]
-    if sys.platform != "linux" or device.type != "cpu":
-        return None
-    lines = Path("/proc/meminfo").read_text().splitlines()
-    return next((int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable:")), None)
 
 
 _KEPT, _LARGEST = 512 * 2**20, 32 * 2**20  # bytes: memory to keep, largest block to keep (mallopt's limit)

@@ -21,7 +21,7 @@ SLICE = 0.05
 JOG_FEED = 600
 """Feed of a jog, mm/min."""
 _CATCH_UP_AFTER = 1.0  # seconds for which nobody listened
-_FLOOD, _MAX_STRANGE = 5.0, 400  # seconds in which strange lines are counted, and how many may come
+_FLOOD, _MAX_STRANGE = 5.0, 400  # so many seconds may bring at most so many strange lines
 
 
 class AnyFirmware(ABC):

@@ -84,7 +84,7 @@ _LOWER_JOINTS = np.array([-2.7437, -1.7837, -2.9007, -3.0421, -2.8065, 0.5445, -
 _UPPER_JOINTS = np.array([2.7437, 1.7837, 2.9007, -0.1518, 2.8065, 4.5169, 3.0159])
 # Joint limits of the Franka Research 3 in radians, which are inside those of the Panda (Franka's data sheet), and the
 # margin that is kept from them.
-_STARTING = 10  # periods of a path in which the arm comes from rest to its speed
+_STARTING = 10  # periods at the beginning of a path, in which the arm accelerates
 
 # Lengths of the arm in metres (Denavit-Hartenberg table of Franka's documentation), from its base to the tool frame
 # of its hand: to the shoulder, to the elbow and to the wrist, with the elbow's offset, and the offset and length of

@@ -125,7 +125,7 @@ class XarmRobot(Driver):
         return self._tip(self._place(_GUIDE))
 
     def end_guiding(self) -> None:
-        """Stops the arm, ends its teach mode, in which it takes no motions, and disconnects."""
+        """Stops the arm, ends its teach mode, and disconnects; in teach mode it would take no motions."""
         self.close()
 
     def pose(self) -> NDArray[np.float64]:

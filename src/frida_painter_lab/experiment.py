@@ -7,6 +7,7 @@ and an interrupted experiment continues from there.
 
 import json
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields
@@ -184,7 +185,7 @@ class Results:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Experiment:
+class Experiment(ABC):
     """Experiment: a question with its runs, the measure of a run, and tables, sentences and pictures of all.
 
     NAME: of its command and its folder
@@ -215,13 +216,13 @@ class Experiment:
         """Returns the experiment with all that its runs share, such as a stroke library."""
         return self
 
+    @abstractmethod
     def runs(self) -> Sequence[Run]:
         """Returns the runs."""
-        raise NotImplementedError
 
+    @abstractmethod
     def measure(self, run: Run, notify: Notify) -> Measurement:
         """Does and measures one run, and reports its progress."""
-        raise NotImplementedError
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
         """Returns all that the runs share, and the seeds."""

@@ -6,6 +6,7 @@ Imperfections of the studio can be removed.
 """
 
 import time
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -265,12 +266,12 @@ class Comparison(Experiment):
         """Returns the ways."""
         return self.WAYS
 
+    @abstractmethod
     def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
         """Returns the measures of a painting by their names.
 
         picture: photograph of the painting [3, H, W]
         """
-        raise NotImplementedError
 
     def runs(self) -> Sequence[StudioRun]:
         """Returns a painting for each scene, seed and way."""

@@ -1,4 +1,4 @@
-"""Means with confidence intervals, and paired tests between the values of a field in which runs differ.
+"""Means with confidence intervals, and paired tests between two values of a field.
 
 Two runs are a pair if they differ in one field only: the same photograph, the same seed, and all other varied fields.
 Some of many tests would be significant by chance, so that their p-values are adjusted by Holm's method.

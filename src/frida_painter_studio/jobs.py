@@ -3,6 +3,7 @@
 Each is a request of the page, a worker that does it, and a feed. Its state is computed from its feed alone.
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
@@ -20,7 +21,6 @@ from frida_painter_studio.studio_folder import Brush, KeptRequest, Side
 Procedure = Literal["canvas", "robot", "color", "brush", "strokes"]
 PROCEDURES: tuple[Procedure, ...] = get_args(Procedure)
 StepName = Literal["canvas", "touch", "surface", "paint", "trace", "strokes"]
-SETUP_STEPS: tuple[StepName, ...] = get_args(StepName)
 """Names of the steps, as in procedures/workspace.py, which the web process must not load."""
 _MIN_MARKS, _MAX_MARKS = 10, 60
 _MAX_POINTS = 400  # of a mark; the page sends only those that it needs
@@ -106,7 +106,7 @@ class TeachingRequest(KeptRequest):
 
 
 @dataclass
-class JobState:
+class JobState(ABC):
     """State of a job.
 
     question: open question, in the form of painter.py.
@@ -137,9 +137,9 @@ class JobState:
     version: int = 0
 
     @classmethod
+    @abstractmethod
     def begin(cls, request: Any) -> tuple[str, Event]:
         """Returns the begin of a job in words for the studio's record, and its first event."""
-        raise NotImplementedError
 
     def hear(self, event: Event, at: datetime | None = None) -> None:
         """Updates the state by an event; other events change nothing."""
@@ -175,6 +175,7 @@ class JobState:
             **self._details(truth.working),
         }
 
+    @abstractmethod
     def _hear(self, event: Event) -> None:
         """Updates the details of this kind of job."""
 

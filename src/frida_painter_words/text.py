@@ -116,7 +116,7 @@ class TextTerm(Term):
 
 
 def _begin_for_clip(goal: Goal, context: ObjectiveContext, main: TextTerm) -> Goal:
-    """Returns the goal with the scene or the coarse colours in which a CLIP sees the words best."""
+    """Returns the goal with the first picture that a CLIP finds nearest to the words: a scene or coarse colours."""
     encoders, settings, how = context.encoders, main.settings, main.settings.beginning
     reader, size = encoders.reader(), (context.grid.rows, context.grid.columns)
     judge, remarks, begun = Text(main.prompt, reader, context.seed + _APART, settings), [*encoders.remarks], None

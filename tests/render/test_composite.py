@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from torch import Tensor
 
-from composites import F64, Scene, assert_same, moments_with_gradients, scene, with_gradients
+from composites import F64, VARYING_SCENES, Scene, assert_same, moments_with_gradients, scene, with_gradients
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.render import reference, scanline
 
@@ -166,15 +166,7 @@ def test_what_is_kept_grows_with_the_paint_and_not_with_the_canvas() -> None:
     assert 0 < kept(300) <= 1.2 * kept(100)
 
 
-@given(
-    n=st.integers(0, 12),
-    cells=st.tuples(st.integers(1, 9), st.integers(1, 9)),
-    pixels=st.tuples(st.integers(1, 33), st.integers(1, 40)),
-    scale=st.sampled_from((0.05, 0.3, 1.0, 3.0, 20.0)),
-    share=st.floats(0, 1),
-    full=st.floats(0.05, 1),
-    seed=st.integers(0, 2**31),
-)
+@given(**VARYING_SCENES)
 def test_moments_equal_the_reference_with_every_gradient(
     n: int, cells: tuple[int, int], pixels: tuple[int, int], scale: float, share: float, full: float, seed: int
 ) -> None:

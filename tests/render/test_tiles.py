@@ -12,11 +12,10 @@ from typing import Any
 import pytest
 import torch
 from hypothesis import given, settings
-from hypothesis import strategies as st
 from torch import Tensor
 from torch.utils._python_dispatch import _disable_current_modes
 
-from composites import Scene, assert_same, moments_with_gradients, scene, upstream
+from composites import VARYING_SCENES, Scene, assert_same, moments_with_gradients, scene, upstream
 from elsewhere import elsewhere, waits
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread
 from frida_painter.planning import problem as planning
@@ -35,15 +34,7 @@ def both(tensors: Scene, spread: CoverageSpread) -> tuple[list[Tensor], list[Ten
     return moments_with_gradients(tiles.composite_moments, tensors, spread, DEVICE), theirs
 
 
-@given(
-    n=st.integers(0, 12),
-    cells=st.tuples(st.integers(1, 9), st.integers(1, 9)),
-    pixels=st.tuples(st.integers(1, 33), st.integers(1, 40)),
-    scale=st.sampled_from((0.05, 0.3, 1.0, 3.0, 20.0)),
-    share=st.floats(0, 1),
-    full=st.floats(0.05, 1),
-    seed=st.integers(0, 2**31),
-)
+@given(**VARYING_SCENES)
 @settings(max_examples=min(20, settings.default.max_examples), deadline=None)
 def test_it_equals_the_reference_with_every_gradient(
     n: int, cells: tuple[int, int], pixels: tuple[int, int], scale: float, share: float, full: float, seed: int

@@ -4,7 +4,7 @@ import json
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
@@ -16,13 +16,13 @@ from frida_painter_studio.commands import Role
 from frida_painter_studio.jobs import (
     JOBS,
     PROCEDURES,
-    SETUP_STEPS,
     CalibrationJob,
     CalibrationRequest,
     Imagining,
     JobState,
     Setup,
     SetupRequest,
+    StepName,
     Teaching,
 )
 from frida_painter_studio.painting_state import Truth
@@ -53,7 +53,7 @@ def marks(count: int = 10, points: int = 8) -> list[list[list[float]]]:
 
 
 def test_the_page_knows_the_procedures_and_steps_that_there_are() -> None:
-    assert PROCEDURES == calibration.PROCEDURES and tuple(STEPS) == SETUP_STEPS
+    assert PROCEDURES == calibration.PROCEDURES and tuple(STEPS) == get_args(StepName)
 
 
 HOOK = {"name": "hook", "marks": marks()}

@@ -545,6 +545,6 @@ def estimate_dip(library: StrokeLibrary, width: float) -> Dip | None:
 
 
 def _terms(library: StrokeLibrary) -> NDArray[np.float64]:
-    """Returns the terms of the shapes of strokes in which their usual paint is linear, [n, 5]."""
+    """Returns features of the shapes of strokes, [n, 5]; the usual amount of paint is linear in them."""
     length, press, bend = library.length_m, library.thickness, np.abs(library.bend_m)
     return np.stack((np.ones_like(length), length, press, length * press, bend), 1).astype(np.float64)

@@ -311,7 +311,7 @@ def decode_error(answer: Mapping[str, Any]) -> FridaError:
 
 # The painting process's end.
 
-_CALL = 60.0  # seconds for a request of which the easel's process promises nothing
+_CALL = 60.0  # seconds for a request, if the easel's process promised no time for it
 _MARGIN = 10.0  # for a process that hangs as a whole; the guard there gives up a driver earlier
 _MAX_SILENCE = 10.0  # seconds without a heartbeat after which the process counts as hung or frozen
 _LOOK_EVERY = 0.25

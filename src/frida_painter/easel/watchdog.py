@@ -86,7 +86,10 @@ class LinkState:
 
 @dataclass
 class _Span:
-    """Time since a moment; `counted` seconds of it, in which process and watch could run."""
+    """Time since a moment.
+
+    counted: seconds of it; time in which the process or the watch could not run does not count.
+    """
 
     since: float
     counted: float = 0.0

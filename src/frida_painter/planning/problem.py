@@ -137,7 +137,7 @@ class Region:
             raise ConfigError("All of the canvas is protected, so nothing can be painted; leave some of it free.")
 
     def on(self, grid: PixelGrid, *, widened: bool = True) -> Tensor:
-        """Returns the forbidden pixels [rows, columns], bool, on a grid: those of which a part is forbidden.
+        """Returns which pixels of a grid are forbidden, [rows, columns] bool: all that a forbidden region touches.
 
         widened: True if pixels within the margin are forbidden too.
         """

@@ -9,7 +9,7 @@ keep their meaning.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import int32, int64, njit, types
+from numba import njit
 from numpy.typing import NDArray
 
 # Pixels of a stroke: for each row of the canvas, the exact run of columns whose samples touch its cells
@@ -163,12 +163,6 @@ def _clip(least, most, slope, shift, low, high):  # type: ignore[no-untyped-def]
         return 0.0, -1.0
     one_end, other_end = (low - shift) / slope, (high - shift) / slope
     return max(least, min(one_end, other_end)), min(most, max(one_end, other_end))
-
-
-def spans_type() -> Any:
-    """Returns numba's type of `Spans`."""
-    index = int64[::1]
-    return types.NamedTuple((index, index, index, int32[::1], index), Spans)  # type: ignore[no-untyped-call]
 
 
 BAND = 8  # rows

@@ -162,8 +162,8 @@ class CanvasSettings(SettingSection):
         usual="white; in the studio, auto for a picture of 100 strokes or more, and for words alone and styles the "
         "commonest colour around the things",
     )
-    """The colour in which the bare canvas is toned before the painting begins. auto takes the one that suits the
-    picture. A person tones it; the recipe is told, and the camera looks before anything is planned."""
+    """Colour of the ground. A person tones the bare canvas with it before the painting begins; the recipe is told, and
+    the camera looks before anything is planned. auto takes the colour that suits the picture."""
     colors: int = setting(_PLANNED["colors"], common=True, ge=1, le=24)
     """Number of paints to mix."""
     new_paints: bool | None = setting(None, usual="new paints")

@@ -1,4 +1,4 @@
-"""Events of a painting, a plan or a calibration: the one form in which they are told, both live and afterwards.
+"""Events of a painting, a plan or a calibration. Listeners hear the same events that are written down.
 
 An event is named after its class and has a JSON form (`record`, `events_of`), in which it stands in the journal of a
 painting or in the feed of a job. Fields that carry plans and pixels are live: only listeners in the painting process

@@ -1,4 +1,4 @@
-"""Steps of a machine's setup, in which a person shows the program where the canvas, the touch and the paint are.
+"""Steps of a machine's setup: a person shows the program the canvas, the heights of touch and press, and the paint.
 
 Every step is a dialogue that changes the layout on its bench. Every motion passes the gateway, within the box of the
 machine; the tip may go as deep as the box, because what it must not touch is only being found out.
