@@ -9,7 +9,7 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.sheet import INK, LINE, PAPER, SOFT
+from frida_painter.sheet import INK, LINE, PAPER, SOFT, Color
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,6 +37,7 @@ class Series:
     x, y: points
     low, high: limits of each point, or empty
     band: True to draw the limits as a band, False for error bars
+    joined: True for a line through the points, False for dots alone
     """
 
     name: str
@@ -45,9 +46,18 @@ class Series:
     low: Sequence[float] = field(default=())
     high: Sequence[float] = field(default=())
     band: bool = True
+    joined: bool = True
 
 
-def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, logarithmic: bool = False) -> Tensor:
+def chart(
+    title: str,
+    x_label: str,
+    y_label: str,
+    series: Sequence[Series],
+    *,
+    logarithmic: bool = False,
+    paper: Color = PAPER,
+) -> Tensor:
     """Returns a chart of up to five series, [3, 540, 940].
 
     y_label: above the y axis
@@ -58,23 +68,26 @@ def chart(title: str, x_label: str, y_label: str, series: Sequence[Series], *, l
     from matplotlib import style
 
     with style.context("default"):  # not a matplotlibrc of the current folder, which may have LaTeX run
-        return _draw_chart(title, x_label, y_label, series, logarithmic)
+        return _draw_chart(title, x_label, y_label, series, logarithmic, paper)
 
 
-def _draw_chart(title: str, x_label: str, y_label: str, series: Sequence[Series], logarithmic: bool) -> Tensor:
+def _draw_chart(
+    title: str, x_label: str, y_label: str, series: Sequence[Series], logarithmic: bool, paper: Color
+) -> Tensor:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
     from matplotlib.font_manager import FontProperties
     from matplotlib.transforms import ScaledTranslation
 
-    figure = Figure((_CHART_WIDTH / 100, _CHART_HEIGHT / 100), 100, facecolor=_hex(PAPER))
+    figure = Figure((_CHART_WIDTH / 100, _CHART_HEIGHT / 100), 100, facecolor=_hex(paper))
     canvas = FigureCanvasAgg(figure)
     like = FontProperties(size=_TEXT * _POINT)
     names = [canvas.get_renderer().get_text_width_height_descent(one.name, like, False)[0] for one in series]
     right = max(_CHART_RIGHT, *(_BEFORE_NAME + name + _AFTER_NAME for name in names))
     wide, high = round(_CHART_WIDTH - _CHART_LEFT - right), _CHART_HEIGHT - _CHART_TOP - _CHART_BOTTOM
     axes = figure.add_axes(
-        (_CHART_LEFT / _CHART_WIDTH, _CHART_BOTTOM / _CHART_HEIGHT, wide / _CHART_WIDTH, high / _CHART_HEIGHT)
+        (_CHART_LEFT / _CHART_WIDTH, _CHART_BOTTOM / _CHART_HEIGHT, wide / _CHART_WIDTH, high / _CHART_HEIGHT),
+        facecolor=_hex(paper),
     )
 
     def words(x: float, y: float, text: str, size: int, color: tuple[int, int, int], **where: Any) -> None:
@@ -88,7 +101,9 @@ def _draw_chart(title: str, x_label: str, y_label: str, series: Sequence[Series]
     _scale(axes, series, logarithmic, wide)
     for number, (one, color) in enumerate(zip(series, map(_hex, _COLORS), strict=False)):
         style: dict[str, Any] = {"color": color, "linewidth": 2.4 * _POINT, "zorder": 3}
-        if len(one.x) <= _DOTTED:
+        if not one.joined:
+            style["linestyle"] = "none"
+        if len(one.x) <= _DOTTED or not one.joined:
             style |= {"marker": "o", "markersize": 7.2 * _POINT, "markeredgecolor": "white", "markeredgewidth": _POINT}
         if len(one.low) and not one.band:
             aside = _BESIDE * (number - (len(series) - 1) / 2) / 100

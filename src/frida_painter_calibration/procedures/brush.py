@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter import images
 from frida_painter.easel.dialogue import Answer, Confirm, Finding, Jog, JogMove, Measure, Procedure, Question
@@ -315,20 +316,28 @@ def draw_trials(trials: Trials, touch: float, press: float) -> Tensor:
             "millimetres below the lightest touch",
             "0: no mark",
             [
-                Series("marks", depths, widths),
+                Series("marks", depths, widths, joined=False),
                 Series("lightest touch", (0.0, 0.0), (0.0, max(widths))),
                 Series("hardest press", (1000 * (touch - press),) * 2, (0.0, max(widths))),
             ],
+            paper=CREAM,
         )
     )
     sheet = Sheet(plot.shape[1], _CHART_TOP + plot.shape[0], CREAM)
     sheet.text((_MARGIN, 20), "Short strokes, pressed ever harder (millimetres below the lightest touch)", 20)
     strip = Grid.divide(plot.shape[1] - 2 * _MARGIN, _MARGIN, _STRIP_TOP, _SHOWN, _STRIP_HEIGHT, across=_GAP)
-    shown = [near[number] for number in np.linspace(0, len(near) - 1, _SHOWN).round().astype(int)]
-    for place, trial in zip(strip.corners(_SHOWN), shown, strict=True):
-        larger = min(strip.width / trial.look.shape[2], strip.height / trial.look.shape[1])
-        size = max(1, round(larger * trial.look.shape[2])), max(1, round(larger * trial.look.shape[1]))
-        depth = f"{round(1000 * (touch - trial.height), 1) + 0:.1f}" if trial.marked else "no mark"
-        sheet.cell(place, scale(trial.look, *size), depth, size=17, gap=6)
+    left, shown = [trial for trial in near if trial.marked], [trial for trial in near if not trial.marked][:1]
+    for depth in np.linspace(0, max(depths), _SHOWN - len(shown)):
+        if left:
+            shown.append(left.pop(int(np.argmin([abs(1000 * (touch - trial.height) - depth) for trial in left]))))
+    high, wide = (max(trial.look.shape[side] for trial in shown) for side in (1, 2))
+    larger = min(strip.width / wide, strip.height / high)
+    for place, trial in zip(strip.corners(_SHOWN), shown, strict=False):
+        rows, columns = trial.look.shape[1:]
+        down, across = (high - rows) // 2, (wide - columns) // 2
+        margins = (across, wide - columns - across, down, high - rows - down)  # so that all marks have one scale
+        look = functional.pad(trial.look, margins, value=1.0)
+        told = f"{round(1000 * (touch - trial.height), 1) + 0:.1f}" if trial.marked else "no mark"
+        sheet.cell(place, scale(look, round(larger * wide), round(larger * high)), told, size=17, gap=6)
     sheet.paste(plot, (0, _CHART_TOP))
     return sheet.tensor()
