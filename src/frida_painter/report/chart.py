@@ -159,7 +159,7 @@ def log_ticks(least: float, most: float) -> list[float]:
     return found[:: -(-len(found) // 10)]
 
 
-def _hex(color: tuple[int, int, int]) -> str:
+def _hex(color: Color) -> str:
     return "#{:02x}{:02x}{:02x}".format(*color)
 
 
