@@ -51,11 +51,18 @@ def head_of(kind: type[Benchmark]) -> str:
     return f"## {kind.TITLE}\n\n`python benchmarks/report.py {kind.NAME}`\n\n{kind.TEXT}\n"
 
 
+def processor() -> str:
+    """Returns the name of the processor; "" if the system does not tell it."""
+    cpus = Path("/proc/cpuinfo")
+    lines = cpus.read_text("utf-8", "replace").splitlines() if cpus.exists() else []
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "")
+
+
 def section_of(kind: type[Benchmark], outcome: Outcome) -> str:
     """Returns the section of a benchmark that was run."""
     facts = describe_here()
     versions = ", ".join(f"{name} {facts[name]}" for name in ("python", "torch", "numpy", "numba"))
-    machine = f"{facts.get('processor', facts['machine'])}, {os.cpu_count()} cores"
+    machine = f"{processor() or facts['machine']}, {os.cpu_count()} cores"
     about = f"Measured on {date.today():%Y-%m-%d}: {machine}; {versions}; code {facts['code']}.\n"
     return "\n".join([head_of(kind), about, *outcome.notes, *(table.markdown() for table in outcome.tables)])
 
