@@ -46,6 +46,8 @@ def tabulate(folder: Path) -> None:
 
 def experiment(folder: Path) -> None:
     class Writing(Experiment):
+        runs = measure = None
+
         def run_in_processes(self, keep: Path, notify: object, jobs: int | None = None) -> Any:
             storage.write_text(keep / "run.json", "{}")
             return SimpleNamespace(save=lambda where: None, title="", notes=(), pictures={})
