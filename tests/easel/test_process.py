@@ -1,22 +1,30 @@
 """An easel in a process of its own is the easel that it would be in this one."""
 
 import hashlib
+import math
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
+from frida_painter.brush.kinds import brush_kind
 from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import ConfigError, RobotBusy, RobotDisconnected, StaleFrame, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.gateway import Limits
 from frida_painter.hardware.robot import Waypoints
-from session.easel_errands import PAINTS, easel_of, kill, order_in, paint
+from frida_painter.registry import EASELS
+from frida_painter.session.hand import Hand
+from plugins import install
+from session.easel_errands import PAINTS, easel_of, kill, moves, order_in, paint
+from support.plans import plan_of_paints
 
 ORDERS = TypeAdapter(EaselOrder)
 
@@ -78,6 +86,67 @@ def test_a_process_ends_with_its_block_whether_it_was_opened_or_not(tmp_path: Pa
     with pytest.raises(ConfigError), EaselProcess() as process:
         raise ConfigError("nothing is painted")
     assert process._process.poll() == -signal.SIGKILL
+
+
+_COUNTED_KIND = """
+from frida_painter.easel.kinds import EaselKind
+from frida_painter.easel.virtual_easel import VIRTUAL_KIND as STUDIO
+from frida_painter.hardware.gateway import Limits
+
+def open_counted(order):
+    find_faults = Limits._faults_of
+
+    def count(limits, motion):
+        with (order.folder / "checks").open("a") as file:
+            file.write(f"{motion.label}\\n")
+        return find_faults(limits, motion)
+
+    Limits._faults_of = count
+    return STUDIO.open(order)
+
+KIND = EaselKind("counted", "a virtual studio that counts how often its door checks a motion", open_counted, True)
+"""
+
+
+def test_a_motion_is_checked_once_at_the_door_of_its_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    points = {EASELS: {"counted": "counted_easel:KIND"}}
+    install(tmp_path / "kind", monkeypatch, "counted-easel", points, {"counted_easel": _COUNTED_KIND})
+    order, plan = order_in(tmp_path / "counted", robot="counted"), plan_of_paints([0, 1, 0])
+    with easel_of(order) as (easel, _):
+        monkeypatch.delattr(Limits, "_faults_of")  # nothing is checked on this side
+        easel.operator.fill_wells(PAINTS)
+        hand = Hand(easel, brush_kind("fine"))
+        actions = hand.prepare(plan, 0, len(plan))
+        checked = (order.folder / "checks").read_text().splitlines()
+        for action in actions:
+            hand.perform(action)
+        assert (order.folder / "checks").read_text().splitlines() == checked, "before the first motion, and once"
+        made = [motion for action in actions for motion in action.motions]
+        assert len(checked) == len({motion.position.tobytes() for motion in made}), "equal ones together"
+        assert len(moves(order.folder)) == len(made)
+        astray = replace(
+            easel, workspace=replace(easel.workspace, canvas_origin=(9.0, *easel.workspace.canvas_origin[1:]))
+        )
+        with pytest.raises(WorkspaceViolation, match=r"above stroke 1: x = .*Nothing was sent"):
+            Hand(astray, brush_kind("fine")).prepare(plan, 0, len(plan))
+
+
+def test_a_client_that_checks_nothing_is_refused_at_the_door(tmp_path: Path) -> None:
+    order = order_in(tmp_path)
+    with easel_of(order) as (easel, _):
+        easel.robot.home()
+        before, over = moves(order.folder), easel.workspace.to_robot(np.array([[0.05, 0.05]]), np.zeros(1))[0]
+        press = easel.calibration.press_height
+        for unsafe in (
+            Waypoints("bad", np.array([[*over[:2], press - 0.001]]), 0.1),
+            Waypoints("bad", np.array([[*over[:2], math.nan]]), 0.1),
+            Waypoints("bad", np.array([np.add(easel.workspace.upper, 0.01)]), 0.1),
+            Waypoints("bad", np.array([[*over[:2], press]]), 1.1),
+            Waypoints("bad", np.empty((0, 3)), 0.1),
+        ):
+            with pytest.raises(WorkspaceViolation, match=r"^bad: .*Nothing was sent"):
+                easel.robot.follow(unsafe)
+        assert moves(order.folder) == before
 
 
 def test_what_cannot_be_opened_says_so_at_once(tmp_path: Path) -> None:

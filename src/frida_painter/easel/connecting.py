@@ -76,7 +76,6 @@ def connect_easel(easel: Easel, answer: Callable[[Question], Answer] | None, tel
         easel = replace(easel, timing=timing)
         warnings += warn_of_speeds(timing, easel.workspace)
     if isinstance(robot, LimitedRobot) and (travel := robot.travel_limits()) is not None:
-        easel = replace(easel, travel=travel)
         warnings += warn_of_places(travel, easel.workspace, easel.canvas, easel.calibration.press_height)
     for sentence in warnings:
         tell(sentence)

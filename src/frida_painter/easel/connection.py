@@ -15,11 +15,12 @@ import struct
 import subprocess
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, field, is_dataclass
 from functools import cache
 from types import MappingProxyType, NoneType
-from typing import Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
 
 import numpy as np
 import torch
@@ -30,17 +31,20 @@ from frida_painter import errors
 from frida_painter.easel.watchdog import Pulse
 from frida_painter.errors import FridaError, RobotAbandoned, RobotDisconnected, RobotError
 from frida_painter.hardware.easel import Operator, PersonCanvas
+from frida_painter.hardware.gateway import CheckedRobot
 from frida_painter.hardware.latch import Latch, Unlatched
 from frida_painter.hardware.robot import (
     Camera,
     Feeler,
     LimitedRobot,
     PausableRobot,
-    Reach,
     Robot,
     TimedRobot,
     ZeroedRobot,
 )
+
+if TYPE_CHECKING:
+    from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -144,10 +148,9 @@ def _cut(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> Arrays:
 
 _PROTOCOLS: Mapping[str, tuple[type, ...]] = MappingProxyType(
     {
-        "robot": (Robot, ZeroedRobot, TimedRobot, LimitedRobot, PausableRobot, Feeler),
+        "robot": (Robot, ZeroedRobot, TimedRobot, LimitedRobot, PausableRobot, Feeler, CheckedRobot),
         "camera": (Camera,),
         "operator": (Operator, PersonCanvas),
-        "reach": (Reach,),
     }
 )
 """Protocols of each part of an easel."""
@@ -272,6 +275,8 @@ def unpack(plain: Any, kind: Any, arrays: Arrays) -> Any:
     if origin is tuple:
         each = inner[:1] * len(plain) if inner[1:] == (...,) else inner
         return tuple(unpack(value, one, arrays) for value, one in zip(plain, each, strict=True))
+    if origin is Mapping:
+        return {str(name): unpack(value, inner[1], arrays) for name, value in plain.items()}
     if kind in (float, int, str):
         return kind(plain)
     allowed = {NoneType: (None,), bool: (True, False)}.get(kind) or (inner if origin is Literal else ())
@@ -307,6 +312,48 @@ def decode_error(answer: Mapping[str, Any]) -> FridaError:
         with contextlib.suppress(TypeError):
             return kind(message, **answer.get("details", {}))
     return RobotError(message)
+
+
+# The easel's end.
+
+
+@dataclass(frozen=True)
+class Host:
+    """Server of an easel over a wire, with guarded robot and camera. Its fields are the parts that requests name.
+
+    remarks: sentences for people, which go with the next answer
+    """
+
+    robot: "GuardedRobot"
+    camera: "GuardedCamera"
+    operator: Operator
+    remarks: deque[str] = field(default_factory=deque)
+
+    def serve(self, wire: Wire) -> bool:
+        """Answers requests until the painting process asks for the end. That request is left for the caller to answer.
+
+        Returns True if the end was asked for, False if the painting process is gone.
+        """
+        try:
+            while True:
+                words, arrays = wire.receive()
+                if words.get("do") == "end":
+                    return True
+                answer, result = self._answer(words, arrays)
+                told = [self.remarks.popleft() for _ in range(len(self.remarks))]
+                machines = sorted(self.robot.latch.machines)
+                wire.send({**answer, "remarks": told, "machines": machines}, result)
+        except RobotDisconnected:
+            return False
+
+    def _answer(self, words: Mapping[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
+        try:
+            request = find_request(words)
+            return request.answer(getattr(self, request.part), words["with"], arrays)
+        except FridaError as error:
+            return encode_error(error), {}
+        except Exception as error:  # also of our own code: the painting process must hear of it
+            return encode_error(RobotError(f"The easel's process could not do {words.get('do')!r} ({error!r}).")), {}
 
 
 # The painting process's end.

@@ -25,8 +25,8 @@ from frida_painter.errors import (
     WorkspaceViolation,
     ZeroUnknown,
 )
-from frida_painter.hardware import gateway
 from frida_painter.hardware.deadline import Caller, in_our_errors, one_line, steady
+from frida_painter.hardware.gateway import Door, Limits, Surface, require_arrived
 from frida_painter.hardware.latch import Latch, StopRecord, Unlatched
 from frida_painter.hardware.robot import (
     Camera,
@@ -63,6 +63,7 @@ MAX_JOG = 0.05
 class GuardedRobot:
     """Robot under guard: wraps another robot. Implements hardware.robot.Robot, ZeroedRobot, TimedRobot, PausableRobot.
 
+    limits: of the robot itself; its door checks every motion by them, and by those that the painter states
     latch: keeps a stop over restarts (Latch); for a simulated robot it does not (Unlatched)
     claim: reserves the robot for this process by the serial number that it states once connected; raises RobotBusy
         if another process has it
@@ -79,7 +80,7 @@ class GuardedRobot:
     def __init__(
         self,
         robot: Robot,
-        workspace: Workspace,
+        limits: Limits,
         latch: Latch | Unlatched,
         *,
         patience: float = 2.0,
@@ -89,7 +90,8 @@ class GuardedRobot:
         promise: Callable[[float], object] = lambda seconds: None,
     ) -> None:
         self._claim, self._promise = claim, promise
-        self.robot, self.workspace, self.latch = robot, workspace, latch
+        self.robot, self.workspace, self.latch = robot, limits.workspace, latch
+        self._door, self._box = Door(limits), Limits(limits.workspace)
         self._patience, self._grace, self._connecting = patience, grace, connecting
         self._caller = Caller("robot")
         self._lock = threading.RLock()  # reentrant: a signal handler may stop the robot while the lock is held
@@ -150,6 +152,7 @@ class GuardedRobot:
                 "again."
             )
         self._tip, self._lifted = tip, False
+        self._door.learn_travel(self.travel_limits())
 
     def zero(self) -> Zero:
         """Returns what the machine knows of its zero; a robot that is no ZeroedRobot knows it. Raises RobotError."""
@@ -181,7 +184,7 @@ class GuardedRobot:
                 "Nothing was sent."
             )
         if self._zero.known and self._tip is not None:
-            gateway.check([Waypoints("jog", (self._tip + step)[None], self.workspace.travel_speed)], self.workspace)
+            self._box.check([Waypoints("jog", (self._tip + step)[None], self.workspace.travel_speed)])
         self._act("jog", lambda: robot.jog(step), _JOGGING)
         self._tip = self.pose() if self._zero.known else None
 
@@ -191,7 +194,7 @@ class GuardedRobot:
         Raises WorkspaceViolation if that is outside the workspace, RobotError and its subclasses.
         """
         robot = self._zeroed("set zero")
-        gateway.check([Waypoints("set zero", np.atleast_2d(tip), self.workspace.travel_speed)], self.workspace)
+        self._box.check([Waypoints("set zero", np.atleast_2d(tip), self.workspace.travel_speed)])
         self._require_armed("set zero")
         self._call("set zero", lambda: robot.set_zero(tip), self._grace)
         self._take_zero()
@@ -257,13 +260,17 @@ class GuardedRobot:
         longest = np.stack((here.lower, (*here.lower[:2], here.upper[2]), here.upper))  # up, then across
         return self._move("home", self.robot.home, longest, here.travel_speed)
 
+    def allow(self, motions: tuple[Waypoints, ...], workspace: Workspace, surface: Surface) -> None:
+        """Checks a batch at the door; as `CheckedRobot`. Raises WorkspaceViolation."""
+        self._door.allow(motions, workspace, surface)
+
     def follow(self, waypoints: Waypoints) -> MotionReport:
-        """Moves along waypoints inside the workspace.
+        """Moves along waypoints that the door allows.
 
         Raises WorkspaceViolation before anything moves, RobotStopped if the robot is stopped, RobotError and its
         subclasses.
         """
-        gateway.check([waypoints], self.workspace)
+        self._door.require_allowed(waypoints)
         self._require_zero(waypoints.label)
         self._lift_first()
         return self._follow(waypoints)
@@ -281,7 +288,7 @@ class GuardedRobot:
         if not isinstance(robot, TouchProbe):
             raise RobotError("This robot cannot feel a touch; lower the brush step by step until it touches.")
         down = Waypoints("touch", np.stack((tip, [*tip[:2], lowest])), speed)
-        gateway.check([down], self.workspace)
+        self._box.check([down])
         self._require_zero(down.label)
         if not lowest <= tip[2]:
             raise WorkspaceViolation(
@@ -347,7 +354,7 @@ class GuardedRobot:
         report = self._act(label, lambda: _require_report(label, act()), seconds)
         self._tip = reached = np.asarray(report.reached, np.float64)
         self._tip = self.pose()
-        gateway.require_arrived(label, self._tip, reached, "it says it went")
+        require_arrived(label, self._tip, reached, "it says it went")
         return report
 
     def _act(self, label: str, act: Callable[[], T], within: float) -> T:

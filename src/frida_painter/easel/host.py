@@ -12,10 +12,7 @@ import signal
 import socket
 import sys
 import threading
-from collections import deque
-from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from types import FrameType, TracebackType
@@ -28,59 +25,17 @@ from pydantic import TypeAdapter
 
 from frida_painter import storage
 from frida_painter.devices import prepare_process
-from frida_painter.easel.connection import Arrays, Wire, encode_error, find_request
+from frida_painter.easel.connection import Host, Wire, encode_error
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE, is_simulated
 from frida_painter.easel.open import hold_machines, load_easel, machines, open_easel
 from frida_painter.easel.order import FACTS, EaselFacts, EaselOrder
 from frida_painter.easel.watchdog import ENDED, MACHINE, SIMULATED, STOP, CpuActivity, StopFile, Watch
-from frida_painter.errors import FridaError, RobotDisconnected, RobotError, RobotStopped
+from frida_painter.errors import FridaError, RobotDisconnected, RobotStopped
 from frida_painter.hardware.deadline import one_line
-from frida_painter.hardware.easel import Operator
+from frida_painter.hardware.gateway import Limits, Surface
 from frida_painter.hardware.latch import HOW_TO_ARM, Unlatched, latch_of
-from frida_painter.hardware.robot import LiveCamera, Reach
-
-
-@dataclass(frozen=True)
-class Host:
-    """Server of an easel over a wire, with guarded robot and camera. Its fields are the parts that requests name.
-
-    reach: of the robot's arm, None if it is not asked for
-    remarks: sentences for people, which go with the next answer
-    """
-
-    robot: GuardedRobot
-    camera: GuardedCamera
-    operator: Operator
-    reach: Reach | None = None
-    remarks: deque[str] = field(default_factory=deque)
-
-    def serve(self, wire: Wire) -> bool:
-        """Answers requests until the painting process asks for the end. That request is left for the caller to answer.
-
-        Returns True if the end was asked for, False if the painting process is gone.
-        """
-        try:
-            while True:
-                words, arrays = wire.receive()
-                if words.get("do") == "end":
-                    return True
-                answer, result = self._answer(words, arrays)
-                told = [self.remarks.popleft() for _ in range(len(self.remarks))]
-                machines = sorted(self.robot.latch.machines)
-                wire.send({**answer, "remarks": told, "machines": machines}, result)
-        except RobotDisconnected:
-            return False
-
-    def _answer(self, words: Mapping[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
-        try:
-            request = find_request(words)
-            return request.answer(getattr(self, request.part), words["with"], arrays)
-        except FridaError as error:
-            return encode_error(error), {}
-        except Exception as error:  # also of our own code: the painting process must hear of it
-            return encode_error(RobotError(f"The easel's process could not do {words.get('do')!r} ({error!r}).")), {}
-
+from frida_painter.hardware.robot import LiveCamera
 
 # The live picture: the camera's current picture in a file, renewed about once a second, for people to watch.
 
@@ -160,7 +115,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         patience: dict[str, float] = {"grace": math.inf, "connecting": math.inf} if simulated else {}
         robot = GuardedRobot(
             easel.robot,
-            easel.workspace,
+            Limits(easel.workspace, Surface.of(easel.canvas, easel.calibration), easel.reach),
             Unlatched(known_as) if simulated else latch_of(order.state, known_as, known),
             claim=lambda identity: hold_machines(stack, order.state, {identity}),
             promise=lambda seconds: wire.send({"within": seconds}),
@@ -179,7 +134,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
             sys.exit(128 + number)
 
         signal.signal(signal.SIGTERM, end)
-        host = Host(robot, camera, easel.operator, easel.reach)
+        host = Host(robot, camera, easel.operator)
         file: StopFile | None = None
         if order.folder is not None:
             file = StopFile(order.folder / STOP_FILE, partial(robot.stop, asked=True), host.remarks.append)
@@ -187,7 +142,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
             stack.callback(LivePicture(camera, order.folder / LIVE_PICTURE).dismiss)
         rule = SIMULATED if simulated else MACHINE
         stack.callback(Watch(line, robot, CpuActivity(os.getppid()), rule, file).dismiss)
-        facts = EaselFacts(**{name: getattr(easel, name) for name in FACTS}, knows_reach=easel.reach is not None)
+        facts = EaselFacts(**{name: getattr(easel, name) for name in FACTS})
         wire.send({"facts": TypeAdapter(EaselFacts).dump_python(facts, mode="json"), "machines": sorted(known)})
         return host.serve(wire)
 

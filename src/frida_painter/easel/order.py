@@ -48,10 +48,7 @@ class EaselOrder:
 
 @dataclass(frozen=True)
 class EaselFacts:
-    """Facts about an open easel, as in hardware.easel.Easel.
-
-    knows_reach: True if it tells the reach of the robot's arm
-    """
+    """Facts about an open easel, as in hardware.easel.Easel."""
 
     workspace: Workspace
     calibration: Calibration
@@ -61,8 +58,6 @@ class EaselFacts:
     has_camera: bool
     person_brushes: tuple[PersonBrush, ...]
     pace: float
-    knows_reach: bool
 
 
-FACTS = tuple(fact.name for fact in fields(EaselFacts) if fact.name != "knows_reach")
-"""Facts that are fields of the easel itself."""
+FACTS = tuple(fact.name for fact in fields(EaselFacts))

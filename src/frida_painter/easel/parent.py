@@ -113,7 +113,6 @@ class EaselProcess:
             robot=make_remote("robot", link.call, stop=link.pulse.stop, alive_at=lambda: -math.inf),
             camera=make_remote("camera", link.call),
             operator=make_remote("operator", link.call),
-            reach=make_remote("reach", link.call) if facts.knows_reach else None,
             **{name: getattr(facts, name) for name in FACTS},
         )
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.robot import Camera, Reach, Robot, Waypoints, Workspace
-from frida_painter.hardware.timing import AxisTiming, Timing, TravelLimits
+from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.palette import Palette
 
 
@@ -113,9 +113,8 @@ class PersonCanvas(Protocol):
 class Easel:
     """Easel: everything that differs between a virtual and a real painting.
 
-    reach: of the robot's arm; None if it reaches every point of its workspace
+    reach: of the robot's arm; None if it reaches every point of its workspace, or if the door of its process knows it
     timing: limits of the robot; None if unknown, then estimates assume full speed
-    travel: limits of its travel that a connected controller told; None without
     simulated: True if no real robot moves
     has_camera: False if nobody looks at the canvas, so that a plan is painted as it is
     pace: real seconds per second of the easel's clock; 0 for as fast as possible
@@ -133,7 +132,6 @@ class Easel:
     canvas: CanvasSize
     reach: Reach | None = None
     timing: Timing | AxisTiming | None = None
-    travel: TravelLimits | None = None
     simulated: bool = False
     has_camera: bool = True
     pace: float = 1.0

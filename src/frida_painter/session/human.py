@@ -21,6 +21,7 @@ from frida_painter.easel.operator import PersonAsOperator
 from frida_painter.errors import CalibrationError, FrameRejected, Interrupted
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.gateway import door_of
 from frida_painter.hardware.interlock import Interlock
 from frida_painter.hardware.robot import Camera, Frame, MotionReport, Point, Waypoints
 from frida_painter.palette import Palette, to_hex
@@ -285,6 +286,7 @@ class ByHand(PersonAsOperator):
     def __init__(self, easel: Easel, answer: Callable[[Question], Answer]) -> None:
         super().__init__(answer)
         self._easel, self._robot = easel, easel.robot
+        self.allow = door_of(easel).allow
         self.camera = Remembering(easel.camera, self._settle)
         self._width = brush_kind(easel.calibration.brush).width
         self._palette: Palette | None = None
