@@ -27,7 +27,7 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import CalibrationError, ConfigError, Interrupted, RobotDisconnected
 from frida_painter.hardware.preset import Layout, Preset, find_preset, presets
-from frida_painter.hardware.robot import Feeler, Robot, Workspace
+from frida_painter.hardware.robot import Robot, TouchProbe, Workspace
 from frida_painter.report.sheets import workspace_plan
 from frida_painter.session.events import Began, Remark, ResultFound
 from frida_painter.sheet import INK, LINE, SOFT, Sheet, shorten
@@ -348,7 +348,7 @@ class MachineSetup:
             try:
                 easel.robot.connect()
                 may_feel = self.preset.probe is not None and self.preset.probe.touch != "jog"
-                feels = easel.robot.feels() if may_feel and isinstance(easel.robot, Feeler) else None
+                feels = easel.robot.feels() if may_feel and isinstance(easel.robot, TouchProbe) else None
                 yield Bench(easel, state.layout, feels, state.surface, state.size)
             finally:
                 easel.robot.close()

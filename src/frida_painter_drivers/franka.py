@@ -153,8 +153,6 @@ class FrankaRobot(Driver):
     The arm allows one client. A stop goes over the same connection, beside the motion's thread.
     """
 
-    sense: Sense = "force"
-
     def __init__(
         self,
         address: str,
@@ -284,6 +282,10 @@ class FrankaRobot(Driver):
         self._require_idle(waypoints.label)
         self._perform(waypoints.label, self._plan(waypoints, self.approach))
         return self._settle(waypoints.label)
+
+    def feels(self) -> Sense:
+        """Returns that the arm measures the force of the touch."""
+        return "force"
 
     def touch(self, lowest: float, speed: float) -> MotionReport:
         """Moves straight down until the arm feels the canvas. Implements hardware.robot.TouchProbe.

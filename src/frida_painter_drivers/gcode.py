@@ -260,7 +260,9 @@ class GcodeRobot(Driver):
 class GrblRobot(GcodeRobot):
     """Machine of the GRBL family with a probe's contact at the brush. Implements TouchProbe as well."""
 
-    sense: Sense = "contact"
+    def feels(self) -> Sense:
+        """Returns that a contact is closed by the touch."""
+        return "contact"
 
     def touch(self, lowest: float, speed: float) -> MotionReport:
         """Moves straight down until the contact closes (G38.3); `reached` is there, or at `lowest` without contact.

@@ -8,12 +8,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
+from types import NoneType
 
 import numpy as np
 import pytest
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.connection import decode_error, encode_error
+from frida_painter.easel.connection import decode_error, encode_error, requests
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.errors import (
     CameraError,
@@ -415,8 +416,6 @@ def test_a_camera_that_goes_wrong_has_a_sentence_for_it(method: str, way: str, h
 class Feeling(MisbehavingRobot):
     """One that feels a table at 0.15 m, and says where its tip is."""
 
-    sense = "force"
-
     def __init__(self, start: float = 0.2) -> None:
         super().__init__("", fine)
         self.tip = np.array([0.0, 0.0, start])
@@ -425,10 +424,20 @@ class Feeling(MisbehavingRobot):
     def pose(self) -> np.ndarray:
         return self.tip.copy()
 
+    def feels(self) -> str:
+        return "force"
+
     def touch(self, lowest: float, speed: float) -> MotionReport:
         self.asked.append(lowest)
         self.tip[2] = max(lowest, 0.15)
         return MotionReport("touch", 0.0, 1.0, self.tip.copy())
+
+
+def test_whatever_may_move_or_change_a_robot_has_a_guard_of_its_own() -> None:
+    """The methods that are made from the protocols only ask the driver; they know neither stop nor limits."""
+    for name, request in requests("robot").items():
+        only_asks = request.types["return"] not in (NoneType, MotionReport)
+        assert only_asks or getattr(GuardedRobot, name).__qualname__ == f"GuardedRobot.{name}", name
 
 
 def test_a_touch_is_felt_within_the_workspace_and_nowhere_else(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, is_dataclass
 from functools import cache
 from types import MappingProxyType, NoneType
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 import torch
@@ -35,11 +35,11 @@ from frida_painter.hardware.gateway import CheckedRobot
 from frida_painter.hardware.latch import Latch, Unlatched
 from frida_painter.hardware.robot import (
     Camera,
-    Feeler,
     LimitedRobot,
     PausableRobot,
     Robot,
     TimedRobot,
+    TouchProbe,
     ZeroedRobot,
 )
 
@@ -148,7 +148,7 @@ def _cut(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> Arrays:
 
 _PROTOCOLS: Mapping[str, tuple[type, ...]] = MappingProxyType(
     {
-        "robot": (Robot, ZeroedRobot, TimedRobot, LimitedRobot, PausableRobot, Feeler, CheckedRobot),
+        "robot": (Robot, ZeroedRobot, TimedRobot, LimitedRobot, PausableRobot, TouchProbe, CheckedRobot),
         "camera": (Camera,),
         "operator": (Operator, PersonCanvas),
     }
@@ -218,22 +218,40 @@ def _unknown(part: str, method: str) -> RobotError:
     return RobotError(f"The easel's process was asked for {part + '.' + method!r}, which it does not know.")
 
 
+Made = TypeVar("Made")
+Answering = Callable[[Any, Request, Mapping[str, Any]], Any]
+
+
+def answering(part: str, answer: Answering) -> Callable[[type[Made]], type[Made]]:
+    """Decorates the class of a part: each request of the part that it has no method for becomes a call of `answer`.
+
+    answer: receives the object, the request and its arguments by name
+    """
+
+    def method(request: Request) -> Callable[..., Any]:
+        def call(self: object, *given: Any, **named: Any) -> Any:
+            found = request.signature.bind(self, *given, **named).arguments
+            return answer(self, request, {name: value for name, value in found.items() if name != "self"})
+
+        return call
+
+    def complete(made: type[Made]) -> type[Made]:
+        for name, request in requests(part).items():
+            if name not in vars(made):
+                setattr(made, name, method(request))
+        return made
+
+    return complete
+
+
 def make_remote(part: str, ask: Callable[[Request, Mapping[str, Any]], Any], **own: Callable[..., Any]) -> Any:
     """Returns a part of an easel in another process: its methods are the requests of the part.
 
     ask: sends a request with its arguments by name, and returns its result
     own: methods that are no requests
     """
-
-    def method(request: Request) -> Callable[..., Any]:
-        def call(self: object, *given: Any, **named: Any) -> Any:
-            found = request.signature.bind(self, *given, **named).arguments
-            return ask(request, {name: value for name, value in found.items() if name != "self"})
-
-        return call
-
-    methods = {name: method(request) for name, request in requests(part).items()}
-    return type(f"Remote{part.title()}", (), {**methods, **{name: staticmethod(act) for name, act in own.items()}})()
+    made: type[Any] = type(f"Remote{part.title()}", (), {name: staticmethod(act) for name, act in own.items()})
+    return answering(part, lambda _, request, given: ask(request, given))(made)()
 
 
 # Values as JSON and arrays.

@@ -10,11 +10,12 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from frida_painter.easel.connection import answering
 from frida_painter.errors import (
     CameraError,
     FridaError,
@@ -31,13 +32,10 @@ from frida_painter.hardware.latch import Latch, StopRecord, Unlatched
 from frida_painter.hardware.robot import (
     Camera,
     Frame,
-    LimitedRobot,
     LineStoppedRobot,
     LiveCamera,
     MotionReport,
-    PausableRobot,
     Robot,
-    Sense,
     StopLine,
     TimedRobot,
     TouchProbe,
@@ -46,7 +44,7 @@ from frida_painter.hardware.robot import (
     Zero,
     ZeroedRobot,
 )
-from frida_painter.hardware.timing import AxisTiming, TravelLimits, motion_seconds
+from frida_painter.hardware.timing import AxisTiming, motion_seconds
 
 T = TypeVar("T")
 
@@ -60,8 +58,11 @@ MAX_JOG = 0.05
 """Longest step of a jog, metres."""
 
 
+@answering("robot", lambda guard, request, given: guard._ask(request.method, *given.values()))
 class GuardedRobot:
-    """Robot under guard: wraps another robot. Implements hardware.robot.Robot, ZeroedRobot, TimedRobot, PausableRobot.
+    """Robot under guard: wraps another robot. Implements all that a robot can be asked for (easel/connection.py).
+
+    Methods that are not written here are questions that move nothing; the driver answers them within `grace`.
 
     limits: of the robot itself; its door checks every motion by them, and by those that the painter states
     latch: keeps a stop over restarts (Latch); for a simulated robot it does not (Unlatched)
@@ -119,8 +120,7 @@ class GuardedRobot:
         self._require_armed("connect")
         self._call("connect", self.robot.connect, self._connecting)
         self._recognise()
-        if isinstance(self.robot, TimedRobot):
-            self._timing = self._call("connect", self.robot.timing, self._grace)
+        self._timing = self._ask("timing")
         self._zero = self.zero()
         if self._zero.known:
             self._enter_workspace()
@@ -152,7 +152,7 @@ class GuardedRobot:
                 "again."
             )
         self._tip, self._lifted = tip, False
-        self._door.learn_travel(self.travel_limits())
+        self._door.learn_travel(self._ask("travel_limits"))
 
     def zero(self) -> Zero:
         """Returns what the machine knows of its zero; a robot that is no ZeroedRobot knows it. Raises RobotError."""
@@ -213,30 +213,10 @@ class GuardedRobot:
         self._require_zero("zero")
         self._enter_workspace()
 
-    def timing(self) -> AxisTiming | None:
-        """Returns the limits that the controller told at connection; None if it told none."""
-        return self._timing
-
-    def travel_limits(self) -> TravelLimits | None:
-        """Returns the limits of its travel that the controller tells; None without. Raises RobotError."""
-        if not isinstance(self.robot, LimitedRobot):
-            return None
-        return self._call("limits", self.robot.travel_limits, self._grace)
-
     def alive_at(self) -> float:
         """Returns the time when the controller last showed that it moves or waits; -inf if it does not show it."""
         told = self.robot.alive_at() if isinstance(self.robot, TimedRobot) else -math.inf
         return told if isinstance(told, int | float) else -math.inf
-
-    def wants_pause(self) -> bool:
-        """Returns True, once, if the board's pause button was pressed. Raises RobotError."""
-        if not isinstance(self.robot, PausableRobot):
-            return False
-        return self._call("pause button", self.robot.wants_pause, self._grace) is True
-
-    def feels(self) -> Sense | None:
-        """Returns how the robot feels a touch; None if it does not."""
-        return self.robot.sense if isinstance(self.robot, TouchProbe) else None
 
     def stop_line(self) -> StopLine | None:
         """Returns the line over which another process can stop the robot; None if it has none or is closed."""
@@ -374,6 +354,11 @@ class GuardedRobot:
             raise
         finally:
             self._moving.clear()
+
+    def _ask(self, method: str, *given: Any) -> Any:
+        """Returns the driver's answer to a question that moves nothing; None if it has no such method."""
+        act = getattr(self.robot, method, None)
+        return None if act is None else self._call(method.replace("_", " "), lambda: act(*given), self._grace)
 
     def _call(self, label: str, act: Callable[[], T], within: float) -> T:
         """Returns the driver's result; an exception or a delay becomes a FridaError."""

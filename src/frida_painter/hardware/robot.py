@@ -375,12 +375,10 @@ Sense = Literal["contact", "force"]
 
 @runtime_checkable
 class TouchProbe(Protocol):
-    """Robot that feels a touch of its brush.
+    """Robot that may feel a touch of its brush."""
 
-    sense: how it feels the touch
-    """
-
-    sense: Sense
+    def feels(self) -> Sense | None:
+        """Returns how it feels a touch; None if it does not."""
 
     def touch(self, lowest: float, speed: float) -> MotionReport:
         """Moves straight down until the brush touches something; `reached` is the position of the touch.
@@ -389,17 +387,6 @@ class TouchProbe(Protocol):
         speed: m/s
         Raises RobotError and its subclasses.
         """
-
-
-@runtime_checkable
-class Feeler(Protocol):
-    """Robot behind the guard that may feel a touch."""
-
-    def feels(self) -> Sense | None:
-        """Returns how the robot feels a touch; None if it does not."""
-
-    def touch(self, lowest: float, speed: float) -> MotionReport:
-        """Moves straight down until the brush touches something; as `TouchProbe`."""
 
 
 # Cameras: each gives a photograph that is newer than a given moment.

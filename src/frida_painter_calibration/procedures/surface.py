@@ -24,7 +24,7 @@ from frida_painter.errors import CalibrationError, ConfigError, WorkspaceViolati
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
-from frida_painter.hardware.robot import Feeler, Sense, Waypoints
+from frida_painter.hardware.robot import Sense, TouchProbe, Waypoints
 from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet
 
 POINTS = 3
@@ -53,7 +53,7 @@ def surface(easel: Easel, *, points: int = POINTS, felt: bool = True) -> Procedu
     """
     if not 2 <= points <= 9:
         raise ConfigError(f"{points} points along each side were wanted; there are 2 to 9.")
-    feeler = easel.robot if felt and isinstance(easel.robot, Feeler) else None
+    feeler = easel.robot if felt and isinstance(easel.robot, TouchProbe) else None
     sense = feeler.feels() if feeler is not None else None
     if sense is not None and not (
         yield Confirm(f"{HOW_IT_FEELS[sense]} Shall it touch the canvas? (n: you lower it at each point)")
@@ -124,7 +124,7 @@ def _fit_plane(
     return None if off > _FLAT else (SurfaceMap(*lines, offset, today()), here, off)
 
 
-def _measure(easel: Easel, feeler: Feeler | None, place: Place, told: str) -> Generator[Question, Answer, float]:
+def _measure(easel: Easel, feeler: TouchProbe | None, place: Place, told: str) -> Generator[Question, Answer, float]:
     """Returns the height of the canvas at a place, in metres above the lightest touch.
 
     feeler: robot that feels the canvas; None if a person lowers the brush
@@ -167,7 +167,7 @@ def _require_room(surface: SurfaceMap, easel: Easel) -> None:
         )
 
 
-def feel(feeler: Feeler, lowest: float, told: str) -> float:
+def feel(feeler: TouchProbe, lowest: float, told: str) -> float:
     """Lowers the brush until it is felt, and returns the height. Raises CalibrationError if nothing is felt."""
     found = float(feeler.touch(lowest, _SLOW).reached[2])
     if found <= lowest + 1e-6:

@@ -20,7 +20,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.preset import Layout
-from frida_painter.hardware.robot import Feeler, Point, Sense, Waypoints, ZeroedRobot
+from frida_painter.hardware.robot import Point, Sense, TouchProbe, Waypoints, ZeroedRobot
 from frida_painter.session.outline import plan_outlines
 from frida_painter.strokes import Strokes
 from frida_painter_calibration.procedures.surface import HOW_IT_FEELS, JOGGING, feel, lower, surface
@@ -185,7 +185,7 @@ def find_touch(bench: Bench) -> SetupStep[None]:
         told = f"{HOW_IT_FEELS[bench.feels]} Shall it go down until it feels the canvas? (n: you lower it)"
         felt = (yield Confirm(told)) is True
     if felt:
-        assert isinstance(bench.easel.robot, Feeler)
+        assert isinstance(bench.easel.robot, TouchProbe)
         try:
             touch = feel(bench.easel.robot, lowest, "The middle of the canvas")
         except CalibrationError:
