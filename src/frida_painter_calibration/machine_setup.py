@@ -36,7 +36,7 @@ from frida_painter_calibration.procedures.surface import surface_sheet
 from frida_painter_calibration.procedures.workspace import STEPS, Bench, settle_zero, try_lift
 
 _ACCURACY = 0.0002  # metres of the heights
-_FORMAT, _VERSION = "frida-painter setup", 1
+_FORMAT, _VERSION = "frida-painter setup", 2
 _DRAFT, _STATE = "draft.toml", "setup.json"
 WORKSPACE, RECORD, SHEET = "workspace.toml", "calibration.json", "setup.png"
 
@@ -119,7 +119,9 @@ def lead_setup(
                 if step == "strokes":
                     minutes = (time.monotonic() - begun) / 60
                     tell(Remark(f"Test strokes painted {minutes:.0f} minutes after the start."))
-        bench.pass_over("home", known.state.layout.home)
+        home = known.state.layout.workspace.home
+        assert home is not None
+        bench.pass_over("home", home)
     tell(known.write())
 
 
@@ -385,12 +387,12 @@ class MachineSetup:
 
         steps = [{"name": name, "text": text, "done": name in done} for name, (text, _) in STEPS.items()]
         table = {
-            "lower": flat(layout.lower),
-            "upper": flat(layout.upper),
+            "lower": flat(layout.workspace.lower),
+            "upper": flat(layout.workspace.upper),
             "canvas": [*map(flat, layout.corners().values())],
-            "wells": [*map(flat, layout.paint.wells)],
-            "water": flat(layout.paint.water),
-            "rag": flat(layout.paint.rag),
+            "wells": [*map(flat, layout.workspace.wells)],
+            "water": flat(layout.workspace.water),
+            "rag": flat(layout.workspace.rag),
         }
         told = {"title": self.preset.title, "robot": self.robot, "easel": layout.easel, "steps": steps, "table": table}
         return ResultFound("machine", detail=told)
@@ -410,7 +412,7 @@ class MachineSetup:
         robot, place, measured = f"--robot {self.robot}", f"--workspace {workspace}", f"--calibration {path}"
         paint = f"frida-painter paint PHOTO {robot} --camera none {place} {measured} --brush {brush}"
         commands = {
-            "Paint without a camera": f"{paint} --colors {len(layout.paint.wells)}",
+            "Paint without a camera": f"{paint} --colors {len(layout.workspace.wells)}",
             "Paint from the studio's page": f"frida-painter studio {robot} --camera none {place} {measured}",
             "With a camera, calibrate it first": f"frida-painter calibrate all {robot} --camera opencv:0 {place}",
         }

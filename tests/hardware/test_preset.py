@@ -132,7 +132,7 @@ def test_a_canvas_is_marked_by_three_corners_or_by_two_if_its_size_is_known():
     size = layout.canvas
     for found in (layout.with_canvas(left, right, top), layout.with_canvas(left, right, None, size)):
         assert (found.canvas.width, found.canvas.height) == pytest.approx((size.width, size.height))
-        assert found.turn == pytest.approx(0) and found.corner == left
+        assert found.workspace.canvas_angle == pytest.approx(0) and found.workspace.canvas_origin == left
     leaning = (top[0] + 0.02 * size.height + 0.01, top[1], top[2])
     for corners, known, says in (
         ((left, left, top), None, "lower corners are 0.0 mm apart"),

@@ -282,41 +282,20 @@ _MAX_OFF = 0.003  # of a marked edge from the stated size of the canvas
 
 
 @dataclass(frozen=True)
-class PaintSpots:
-    """Positions of wells, water and rag, metres of the robot's frame, and the length of a wipe along x."""
-
-    wells: tuple[Point, ...]
-    water: Point
-    rag: Point
-    rag_width: float = _RAG
-
-
-@dataclass(frozen=True)
 class Layout:
     """Layout of a table. Lengths in metres of the robot's frame.
 
     easel: name under which the calibration is kept
-    lower, upper: corners of the box that the tip reaches, as the preset or the machine says
-    canvas, corner, turn: size, bottom-left corner and degrees from the robot's x axis to the lower edge
+    workspace: not checked; its bounds are the box that the tip reaches, as the preset or the machine says
     touch, press: robot z of the lightest touch and the hardest press
-    paint: wells, water and rag
-    hover, painting_speed, travel_speed, home: as in a workspace
     uneven: the lowest and the highest point of the canvas, metres above the place where the touch was found
     """
 
     easel: str
-    lower: Point
-    upper: Point
+    workspace: Workspace
     canvas: CanvasSize
-    corner: Point
-    turn: float
     touch: float
     press: float
-    paint: PaintSpots
-    hover: float
-    painting_speed: float
-    travel_speed: float
-    home: Point
     uneven: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
@@ -338,24 +317,16 @@ class Layout:
         corner = upper[0] - _EDGE - canvas.width, lower[1] + (upper[1] - lower[1] - canvas.height) / 2, lift.touch
         motion = preset.motion
         home = lower[0] + _EDGE, upper[1] - _EDGE, min(lift.touch + 2 * motion.hover, upper[2])
-        layout = cls(
-            easel or preset.name, lower, upper, canvas, corner, 0.0, lift.touch, lift.press, PaintSpots((), home, home),
+        workspace = Workspace(
+            lower, upper, corner, 0.0, (), home, home, _RAG,
             motion.hover, motion.painting_speed, motion.travel_speed, home,
         )  # fmt: skip
-        return layout.with_proposed_paint()
-
-    @property
-    def workspace(self) -> Workspace:
-        """Layout as a workspace whose bounds are the whole box, unchecked."""
-        return Workspace(
-            self.lower, self.upper, self.corner, math.radians(self.turn), self.paint.wells, self.paint.water,
-            self.paint.rag, self.paint.rag_width, self.hover, self.painting_speed, self.travel_speed, self.home,
-        )  # fmt: skip
+        return cls(easel or preset.name, workspace, canvas, lift.touch, lift.press).with_proposed_paint()
 
     @property
     def travel_height(self) -> float:
         """Robot z at which the tip travels: above everything that is known, and within the box."""
-        return min(max(self.touch + self.uneven[1], self.workspace.top) + self.hover, self.upper[2])
+        return min(max(self.touch + self.uneven[1], self.workspace.top) + self.workspace.hover, self.workspace.upper[2])
 
     def corners(self) -> dict[str, Point]:
         """Returns the corners of the canvas by name: bottom-left, bottom-right, top-right and top-left."""
@@ -392,7 +363,7 @@ class Layout:
                     f"The {name} edge was marked {measured * 1000:.1f} mm long, and the canvas was said to have "
                     f"{said * 1000:g} mm there. Mark the corners again, or say the true size (--canvas)."
                 )
-        found = replace(self, canvas=true, corner=left, turn=math.degrees(angle))
+        found = replace(self._with(canvas_origin=left, canvas_angle=angle), canvas=true)
         try:
             found.workcell()
         except ConfigError:
@@ -401,11 +372,12 @@ class Layout:
 
     def with_touch(self, touch: float, press: float) -> Self:
         """Returns the layout with measured heights of the lightest touch and the hardest press."""
-        return replace(self, touch=touch, press=press, corner=(*self.corner[:2], touch))
+        origin = *self.workspace.canvas_origin[:2], touch
+        return replace(self._with(canvas_origin=origin), touch=touch, press=press)
 
     def with_paint(self, wells: Sequence[Point], water: Point, rag: Point) -> Self:
         """Returns the layout with marked wells, water and rag. Raises ConfigError if they overlap something."""
-        found = replace(self, paint=replace(self.paint, wells=tuple(wells), water=water, rag=rag))
+        found = self._with(wells=tuple(wells), water=water, rag=rag)
         found.workcell()
         return found
 
@@ -415,8 +387,8 @@ class Layout:
         Raises ConfigError if no strip is wide enough.
         """
         faults = ""
-        for spots in self._strips():
-            found = replace(self, paint=spots)
+        for wells, water, rag in self._strips():
+            found = self._with(wells=wells, water=water, rag=rag)
             try:
                 found.workcell()
             except ConfigError as error:
@@ -428,11 +400,14 @@ class Layout:
             f"area; take a smaller canvas or put it nearer to an edge.{' ' + faults if faults else ''}"
         )
 
-    def _strips(self) -> Iterator[PaintSpots]:
-        """Yields the spots in each strip that is wide enough, the widest strip first."""
+    def _with(self, **places: Any) -> Self:
+        return replace(self, workspace=replace(self.workspace, **places))
+
+    def _strips(self) -> Iterator[tuple[tuple[Point, ...], Point, Point]]:
+        """Yields wells, water and rag in each strip that is wide enough, the widest strip first."""
         corners = np.array([*self.corners().values()])[:, :2]
         low, high = corners.min(0), corners.max(0)
-        lower, upper = np.array(self.lower[:2]), np.array(self.upper[:2])
+        lower, upper = np.array(self.workspace.lower[:2]), np.array(self.workspace.upper[:2])
         free = [(float(low[axis] - lower[axis]), axis, lower[axis]) for axis in (0, 1)]
         free += [(float(upper[axis] - high[axis]), axis, high[axis]) for axis in (0, 1)]
         for width, across, start in sorted(free, key=lambda strip: -strip[0]):
@@ -445,7 +420,7 @@ class Layout:
                 z = self.touch
                 places = [(beside, spot, z) if across == 0 else (spot, beside, z) for spot in spots]
                 rag, water, *wells = [(float(x), float(y), float(z)) for x, y, z in places]
-                yield PaintSpots(tuple(wells), water, rag)
+                yield tuple(wells), water, rag
 
     @staticmethod
     def _in_a_row(start: float, end: float) -> Iterator[float]:
@@ -460,21 +435,23 @@ class Layout:
 
     def values(self) -> dict[str, Any]:
         """Returns the entries of the workspace file, lengths in hundredths of a millimetre."""
-        paint, (deepest, highest) = self.paint, self.uneven
-        lowest = min(self.press + min(deepest, 0.0), paint.water[2], paint.rag[2], *(z for *_, z in paint.wells))
-        floor = max(self.lower[2], lowest - _BELOW)
-        top = max(self.touch + max(highest, 0.0), self.workspace.top)
-        home = *self.home[:2], max(self.home[2], min(top + self.hover, self.upper[2]))
-        canvas = {"width": self.canvas.width, "height": self.canvas.height, "corner": self.corner, "turn": self.turn}
-        places = {"wells": paint.wells, "water": paint.water, "rag": paint.rag, "rag_width": paint.rag_width}
-        speeds = {"painting_speed": self.painting_speed, "travel_speed": self.travel_speed}
+        place, (deepest, highest) = self.workspace, self.uneven
+        assert place.home is not None
+        lowest = min(self.press + min(deepest, 0.0), place.water[2], place.rag[2], *(z for *_, z in place.wells))
+        floor = max(place.lower[2], lowest - _BELOW)
+        top = max(self.touch + max(highest, 0.0), place.top)
+        home = *place.home[:2], max(place.home[2], min(top + place.hover, place.upper[2]))
+        size = {"width": self.canvas.width, "height": self.canvas.height}
         entries = {
             "easel": self.easel,
-            "bounds": {"lower": (*self.lower[:2], floor), "upper": self.upper},
-            "canvas": canvas,
+            "bounds": {"lower": (*place.lower[:2], floor), "upper": place.upper},
+            "canvas": {**size, "corner": place.canvas_origin, "turn": math.degrees(place.canvas_angle)},
             "brush": {"touch_height": self.touch, "press_height": self.press},
-            "paint": places,
-            "motion": {"hover": self.hover, **speeds, "home": home},
+            "paint": {name: getattr(place, name) for name in ("wells", "water", "rag", "rag_width")},
+            "motion": {
+                **{name: getattr(place, name) for name in ("hover", "painting_speed", "travel_speed")},
+                "home": home,
+            },
         }
         return _rounded(entries)
 
@@ -489,7 +466,7 @@ class Layout:
         """
         values = self.values()
         if draft:
-            values["bounds"] = _rounded({"lower": self.lower, "upper": self.upper})
+            values["bounds"] = _rounded({"lower": self.workspace.lower, "upper": self.workspace.upper})
         lines = [
             "# Written by `frida-painter setup`. Metres of the robot's own frame, z up; places are those of the tip.",
             f"easel = {json.dumps(values.pop('easel'), ensure_ascii=False)}",

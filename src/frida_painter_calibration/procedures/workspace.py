@@ -53,7 +53,7 @@ class Bench:
     def within_box(self) -> Easel:
         """Returns the easel in the present layout, with the whole box of the machine as its bounds."""
         workcell = self.layout.workcell()
-        box = replace(workcell.workspace, lower=self.layout.lower, upper=self.layout.upper)
+        box = replace(workcell.workspace, lower=self.layout.workspace.lower, upper=self.layout.workspace.upper)
         known = replace(
             self.easel.calibration,
             touch_height=self.layout.touch,
@@ -78,14 +78,14 @@ class Bench:
 
     def go(self, label: str, *places: Point) -> None:
         """Moves the tip through the places at travel speed. Raises the errors of `perform`."""
-        motion = Waypoints(label, np.array(places, np.float64), self.layout.travel_speed)
-        self.perform(motion, lowest=self.layout.lower[2])
+        motion = Waypoints(label, np.array(places, np.float64), self.layout.workspace.travel_speed)
+        self.perform(motion, lowest=self.layout.workspace.lower[2])
 
     def pass_over(self, label: str, place: Point) -> None:
         """Moves up, across and to above a place, at travel height."""
         x, y, z = self.tip()
         high = max(z, self.layout.travel_height)
-        across = max(self.layout.travel_height, min(place[2], self.layout.upper[2]))
+        across = max(self.layout.travel_height, min(place[2], self.layout.workspace.upper[2]))
         self.go(label, (x, y, high), (place[0], place[1], high), (place[0], place[1], across))
 
 
@@ -125,7 +125,7 @@ def try_lift(bench: Bench) -> SetupStep[None]:
     Raises ConfigError if it does not move.
     """
     x, y, _ = bench.tip()
-    top = bench.layout.upper[2]
+    top = bench.layout.workspace.upper[2]
     half = (bench.layout.touch + top) / 2
     while True:
         bench.go("lift", (x, y, top), (x, y, half), (x, y, top))
@@ -141,12 +141,13 @@ def try_lift(bench: Bench) -> SetupStep[None]:
 
 def guide(bench: Bench, text: str, place: Point) -> Generator[SetupQuestion, Answer, Point]:
     """Moves to above a place, lets the person guide the tip, and returns the position at which it was settled."""
-    x, y, z = np.clip(np.array(place), bench.layout.lower, bench.layout.upper).tolist()
+    box = bench.layout.workspace
+    x, y, z = np.clip(np.array(place), box.lower, box.upper).tolist()
     bench.pass_over("go there", (x, y, z))
     remark, again = "", False
     while True:
         x, y, z = here = bench.tip()
-        answer = yield Guide(text, here, bench.layout.lower, bench.layout.upper, remark=remark, again=again)
+        answer = yield Guide(text, here, box.lower, box.upper, remark=remark, again=again)
         assert isinstance(answer, GuideMove)
         if answer.settled:
             return here
@@ -180,7 +181,7 @@ def find_touch(bench: Bench) -> SetupStep[None]:
     (x, y, z), (u, v, _) = layout.corners()["bottom-left"], layout.corners()["top-right"]
     place = (x + u) / 2, (y + v) / 2, max(z + _NEAR, layout.press)
     bench.pass_over("go to the middle of the canvas", place)
-    lowest, felt = layout.lower[2], False
+    lowest, felt = layout.workspace.lower[2], False
     if bench.feels is not None:
         told = f"{HOW_IT_FEELS[bench.feels]} Shall it go down until it feels the canvas? (n: you lower it)"
         felt = (yield Confirm(told)) is True
@@ -193,10 +194,10 @@ def find_touch(bench: Bench) -> SetupStep[None]:
             raise
         press = max(touch - (layout.touch - layout.press), lowest)
     else:
-        gateway, speed = RobotGateway(bench.within_box(), lowest=lowest), min(layout.travel_speed, JOGGING)
+        gateway, speed = RobotGateway(bench.within_box(), lowest=lowest), min(layout.workspace.travel_speed, JOGGING)
         light = "Lower the brush until its tip just touches the canvas (the lightest mark)."
         hard = "Now lower it as far as it may ever be pressed. A pen is hardly pressed: 0.2 mm do."
-        touch = yield from lower(gateway, light, lowest, layout.upper[2], speed)
+        touch = yield from lower(gateway, light, lowest, layout.workspace.upper[2], speed)
         press = yield from lower(gateway, hard, lowest, touch, speed)
     bench.pass_over("rise", place)
     if not felt and not 0 < touch - press <= _DEEPEST:
@@ -227,7 +228,7 @@ def map_surface(bench: Bench) -> SetupStep[None]:
 def mark_paint(bench: Bench) -> SetupStep[None]:
     """Has wells, water and rag marked. Wells stand in a row, evenly from the first to the last."""
     layout = bench.layout
-    proposed = layout.paint.wells[:MAX_WELLS]
+    proposed = layout.workspace.wells[:MAX_WELLS]
     counts = tuple(str(number) for number in range(1, MAX_WELLS + 1))
     answer = yield Choose("How many wells of paint (or pens) stand in a row?", counts, len(proposed) - 1)
     count = int(answer) + 1  # type: ignore[arg-type]
@@ -237,8 +238,8 @@ def mark_paint(bench: Bench) -> SetupStep[None]:
         last = proposed[min(count, len(proposed)) - 1]
         end = yield from guide(bench, f"Guide the tip into the last well, number {count}.", last)
         wells = [(x, y, z) for x, y, z in np.linspace(first, end, count).tolist()]
-    water = yield from guide(bench, "Guide the tip into the water.", layout.paint.water)
-    rag = yield from guide(bench, "Guide the tip onto the middle of the rag.", layout.paint.rag)
+    water = yield from guide(bench, "Guide the tip into the water.", layout.workspace.water)
+    rag = yield from guide(bench, "Guide the tip onto the middle of the rag.", layout.workspace.rag)
     bench.pass_over("rise", rag)
     bench.layout = layout.with_paint(wells, water, rag)
 
@@ -247,7 +248,7 @@ def trace(bench: Bench) -> SetupStep[None]:
     """Traces the outline of canvas, wells, water and rag in the air, until the person agrees."""
     while True:
         for motion in _outlines(bench):
-            bench.perform(motion, lowest=bench.layout.lower[2])
+            bench.perform(motion, lowest=bench.layout.workspace.lower[2])
         agreed = yield Confirm(
             "The tip went around the canvas, and over each well, the water and the rag, in the air. Was that right? "
             "(If not, mark the canvas or the wells again: --step canvas, --step paint.)"
@@ -264,9 +265,9 @@ def _outlines(bench: Bench) -> Iterator[Waypoints]:
     """Yields the motions of the trace: around the canvas, then over the wells, the water and the rag."""
     yield from plan_outlines(bench.within_box())
     layout = bench.layout
-    places = [*layout.paint.wells, layout.paint.water, layout.paint.rag]
+    places = [*layout.workspace.wells, layout.workspace.water, layout.workspace.rag]
     over = np.array([(x, y, layout.travel_height) for x, y, _ in places])
-    yield Waypoints("over the wells", over, layout.travel_speed)
+    yield Waypoints("over the wells", over, layout.workspace.travel_speed)
 
 
 def paint_test(bench: Bench) -> SetupStep[None]:
