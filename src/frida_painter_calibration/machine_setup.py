@@ -339,7 +339,6 @@ class MachineSetup:
             robot=self.robot,
             canvas=state.layout.canvas,
             brushes=(state.brush,),
-            seed=0,
             state=state_folder(),
             folder=stops,
             workspace=draft.absolute(),

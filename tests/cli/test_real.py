@@ -129,7 +129,7 @@ def told(folder: Path) -> PaintingState:
 def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run, easel: Path) -> None:
     shots = f"folder:{easel / 'shots'}"
     size = CanvasSize(0.14, 0.1)
-    known = open_easel(EaselOrder("human", size, ("fine",), 0, easel, camera=shots)).easel.calibration
+    known = open_easel(EaselOrder("human", size, ("fine",), easel, camera=shots)).easel.calibration
     corners = ((9.5, 9.5), (149.5, 9.5), (149.5, 109.5), (9.5, 109.5))
     replace(known, photograph=SIZE).with_canvas(corners, SIZE, camera=shots, canvas=size, residual=0.1).save(
         easel / "hand.json"

@@ -110,7 +110,6 @@ def order_of(played: Played, folder: Path) -> EaselOrder:
         played.name,
         SIZE,
         ("fine",),
-        0,
         folder / "state",
         folder / "painting",
         workspace=folder / "easel.toml",

@@ -9,7 +9,7 @@ from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import is_simulated
 from frida_painter.easel.open import machines, make_camera, make_robot, open_easel
-from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.order import EaselOrder, SimulationOrder
 from frida_painter.errors import ConfigError, PluginError
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.observer import CanvasObserver, CanvasStart
@@ -94,7 +94,6 @@ def order(tmp_path: Path, **values: object) -> EaselOrder:
     (tmp_path / "easel.toml").write_text(example())
     known: dict[str, object] = {
         "robot": "xarm:1.2.3.4,brush_length=0.1", "canvas": CanvasSize(0.3556, 0.2794), "brushes": ("broad",),
-        "seed": 0,
         "state": tmp_path, "workspace": tmp_path / "easel.toml", "camera": "opencv:0",
     }  # fmt: skip
     return EaselOrder(**{**known, **values})  # type: ignore[arg-type]
@@ -105,7 +104,7 @@ def test_a_studio_is_delivered_with_a_camera_that_sees_a_deep_ground_as_it_is(
     tmp_path: Path, ground: tuple[float, float, float]
 ) -> None:
     """A camera whose bands leak sees the first one 0.04 too blue: a plan would be replanned against that."""
-    easel = open_easel(order(tmp_path, robot="virtual", workspace=None, camera="", seed=7)).easel
+    easel = open_easel(order(tmp_path, robot="virtual", workspace=None, camera="", simulation=SimulationOrder(7))).easel
     easel.robot.connect()
     easel.camera.connect()
     off = []
@@ -155,7 +154,7 @@ from frida_painter.easel.kinds import EaselKind
 from frida_painter.easel.virtual_easel import VIRTUAL_KIND as VIRTUAL
 
 def _open(order):
-    return VIRTUAL.open(replace(order, seed=order.seed + 1))
+    return VIRTUAL.open(replace(order, simulation=replace(order.simulation, seed=order.simulation.seed + 1)))
 
 ATELIER = EaselKind("atelier", "a studio of somebody else's", _open, simulated=True)
 BROKEN = 3
@@ -167,7 +166,14 @@ def test_a_whole_easel_of_another_package_is_opened_and_a_broken_one_is_told(
 ) -> None:
     points = {registry.EASELS: {"atelier": "atelier:ATELIER", "broken": "atelier:BROKEN"}}
     install(tmp_path / "installed", monkeypatch, "atelier-easel", points, {"atelier": EASELS_OF_OTHERS})
-    wanted = order(tmp_path, robot="atelier", brushes=("fine",), seed=4, canvas=CanvasSize(0.12, 0.09), camera="")
+    wanted = order(
+        tmp_path,
+        robot="atelier",
+        brushes=("fine",),
+        simulation=SimulationOrder(4),
+        canvas=CanvasSize(0.12, 0.09),
+        camera="",
+    )
     opened = open_easel(wanted)
     assert opened.easel.simulated and opened.easel.calibration.easel == "virtual studio 5"
     assert is_simulated("atelier") and machines(wanted) == frozenset()

@@ -172,7 +172,7 @@ def test_a_robot_that_another_process_has_is_busy_and_free_when_that_one_is_dead
 
 @pytest.mark.parametrize(
     ("record", "says"),
-    [({"robot": "virtual"}, "canvas"), ({"pace": float("nan")}, "pace"), ({"surprise": 1}, "surprise")],
+    [({"robot": "virtual"}, "canvas"), ({"simulation": {"pace": float("nan")}}, "pace"), ({"surprise": 1}, "surprise")],
 )
 def test_an_order_that_is_none_is_refused(tmp_path: Path, record: dict, says: str) -> None:
     whole = ORDERS.dump_python(order_in(tmp_path), mode="json")

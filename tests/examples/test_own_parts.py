@@ -133,7 +133,7 @@ def test_its_policy_and_its_kind_of_goal_are_taken_by_name() -> None:
 @pytest.mark.usefixtures("fresh_easel")
 def test_robot_and_camera_work_in_the_process_of_the_easel(table: Path) -> None:
     order = EaselOrder(
-        f"trace:{table / 'sheet.csv'}", CanvasSize(0.14, 0.1), ("fine",), 0, table, table,
+        f"trace:{table / 'sheet.csv'}", CanvasSize(0.14, 0.1), ("fine",), table, table,
         workspace=table / "easel.toml", camera="rpicam:1",
     )  # fmt: skip
     with easel_of(order) as (easel, _):

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.open import open_easel
-from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.order import EaselOrder, SimulationOrder
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.strokes import StrokeLimits, Strokes
@@ -50,7 +50,7 @@ def crossing() -> Plan:
 
 def painted(folder: Path, *without: Imperfection) -> tuple[Tensor, Tensor]:
     """The photograph and the true canvas of a studio without these."""
-    order = EaselOrder(robot="virtual", canvas=SIZE, brushes=("fine",), seed=3, state=folder)
+    order = EaselOrder(robot="virtual", canvas=SIZE, brushes=("fine",), state=folder, simulation=SimulationOrder(3))
     studio = StudioWithout(without)
     easel = studio.open(order).easel
     easel.robot.connect()

@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import torch
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import SIMULATION_LOG
-from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.order import EaselOrder, SimulationOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
@@ -39,7 +40,9 @@ def install_machine(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def order_in(folder: Path, **settings: object) -> EaselOrder:
     """A small virtual studio in `folder`, with its state beside it."""
-    wanted = {"robot": "virtual", "canvas": CanvasSize(0.12, 0.09), "brushes": ("fine",), "seed": 3, **settings}
+    wanted = {"robot": "virtual", "canvas": CanvasSize(0.12, 0.09), "brushes": ("fine",), **settings}
+    simulated = {each.name: wanted.pop(each.name) for each in fields(SimulationOrder) if each.name in wanted}
+    wanted["simulation"] = SimulationOrder(**{"seed": 3, **simulated})  # type: ignore[arg-type]
     folder.mkdir(exist_ok=True)
     return EaselOrder(state=folder.parent / "state", folder=folder, **wanted)  # type: ignore[arg-type]
 

@@ -54,7 +54,7 @@ class Snapshot:
 
 @pytest.fixture
 def easel(tmp_path: Path) -> Easel:
-    order = EaselOrder("human", CANVAS, ("medium",), 0, tmp_path, camera=f"folder:{tmp_path}")
+    order = EaselOrder("human", CANVAS, ("medium",), tmp_path, camera=f"folder:{tmp_path}")
     easel = open_easel(order).easel
     assert isinstance(easel.robot, HumanRobot)
     known = replace(

@@ -227,7 +227,7 @@ def _place(plan: Plan, robot: str | None, workspace: Path | None) -> _Place:
         return _Place(workcell.workspace, workcell.canvas, known, reach, timing, simulated, travel, refusals)
     if robot is not None and is_machine(robot):
         raise ConfigError(f"Where things stand around {robot[:60]!r} is not known; say it with --workspace FILE.")
-    order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brushes, 0, state_folder(), camera=_SOME_CAMERA)
+    order = EaselOrder(robot or VIRTUAL, plan.canvas, plan.brushes, state_folder(), camera=_SOME_CAMERA)
     easel = open_easel(order).easel
     return _Place(easel.workspace, easel.canvas, easel.calibration, easel.reach, easel.timing, easel.simulated)
 

@@ -1,6 +1,6 @@
 """The order of an easel, as it goes to the easel's process, and the facts that come back once it is open."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from pydantic import ConfigDict
@@ -14,19 +14,36 @@ from frida_painter.hardware.timing import AxisTiming, Timing
 
 
 @dataclass(frozen=True)
+class SimulationOrder:
+    """Order of what only a simulated easel has.
+
+    seed: of the painting
+    pace: real seconds per simulated second; 0 for as fast as possible
+    placement_error: None for one by chance
+    canvas_picture: file with the first content of the canvas; None if it is bare
+    film: True if the arm is filmed at work, into the painting's folder
+    """
+
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+    seed: int = 0
+    pace: float = 0.0
+    placement_error: PlacementError | None = None
+    faults: Faults = NO_FAULTS
+    canvas_picture: Path | None = None
+    film: bool = False
+
+
+@dataclass(frozen=True)
 class EaselOrder:
     """Order of an easel: all that its process must know, as plain values.
 
     robot: name of a whole easel or of a real robot
-    canvas, seed: from the painting's settings
     brushes: of the painting; the first is in the holder
     state: folder of latches and locks
     folder: of the painting, for the stop file and a virtual studio's diary
-    pace, placement_error, faults: of a virtual studio
-    canvas_picture: file with the first content of a virtual studio's canvas; None if it is bare
     workspace: file of a real easel
     camera: name of a real easel's camera
-    film: True if a simulated arm is filmed at work, into `folder`
     """
 
     __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
@@ -34,16 +51,11 @@ class EaselOrder:
     robot: str
     canvas: CanvasSize
     brushes: tuple[str, ...]
-    seed: int
     state: Path
     folder: Path | None = None
-    pace: float = 0.0
-    placement_error: PlacementError | None = None
-    faults: Faults = field(default=NO_FAULTS)
-    canvas_picture: Path | None = None
     workspace: Path | None = None
     camera: str = ""
-    film: bool = False
+    simulation: SimulationOrder = SimulationOrder()
 
 
 @dataclass(frozen=True)

@@ -30,12 +30,13 @@ def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Vi
 
     own = {name: studio_brush(name) for name in order.brushes}
     load_kernels(own[order.brushes[0]])
-    same = {name: getattr(order, name) for name in ("placement_error", "pace", "faults")}
-    settings = StudioSettings(**{"arm": arm, **same, "picture": order.canvas_picture, **furniture})
+    wanted = order.simulation
+    same = {name: getattr(wanted, name) for name in ("placement_error", "pace", "faults")}
+    settings = StudioSettings(**{"arm": arm, **same, "picture": wanted.canvas_picture, **furniture})
     diary = None if order.folder is None else order.folder / SIMULATION_LOG
-    studio = open_studio(order.canvas, own, seed=order.seed, settings=settings, state=diary)
+    studio = open_studio(order.canvas, own, seed=wanted.seed, settings=settings, state=diary)
     easel = replace(studio.easel, calibration=replace(studio.easel.calibration, color=_true_colors_of(settings.camera)))
-    if order.canvas_picture is not None:
+    if wanted.canvas_picture is not None:
         easel = replace(easel, calibration=_with_bare_canvas(easel.calibration, order, own, settings))
     return studio, easel
 
@@ -59,7 +60,9 @@ def _with_bare_canvas(
     from frida_painter.perception.flatfield import bare_canvas
     from frida_painter.virtual.studio import FREE, open_studio
 
-    before = open_studio(order.canvas, brushes, seed=order.seed, settings=replace(settings, arm=FREE, picture=None))
+    before = open_studio(
+        order.canvas, brushes, seed=order.simulation.seed, settings=replace(settings, arm=FREE, picture=None)
+    )
     before.easel.camera.connect()
     photograph = before.easel.camera.capture(0.0).image
     return replace(known, bare=bare_canvas(photograph, known, order.canvas))

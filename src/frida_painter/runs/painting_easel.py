@@ -7,7 +7,7 @@ from pathlib import Path
 from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import state_folder
 from frida_painter.easel.operator import PersonAsOperator
-from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.order import EaselOrder, SimulationOrder
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import PlacementError
 from frida_painter.registry import Later
@@ -29,15 +29,17 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
         robot=spec.robot,
         canvas=spec.canvas,
         brushes=tuple(brushes),
-        seed=spec.seed,
         state=state or state_folder(),
         folder=None if folder is None else folder.absolute(),
-        pace=spec.pace if spec.simulated else 0.0,
-        placement_error=None if error is None else PlacementError(error[:2], error[2]),
         workspace=None if spec.workspace is None else spec.workspace.absolute(),
         camera=spec.camera,
-        film=spec.films_arm,
-        canvas_picture=None if spec.studio_canvas is None else spec.studio_canvas.absolute(),
+        simulation=SimulationOrder(
+            seed=spec.seed,
+            pace=spec.pace if spec.simulated else 0.0,
+            placement_error=None if error is None else PlacementError(error[:2], error[2]),
+            film=spec.films_arm,
+            canvas_picture=None if spec.studio_canvas is None else spec.studio_canvas.absolute(),
+        ),
     )
 
 

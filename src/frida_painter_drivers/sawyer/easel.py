@@ -19,7 +19,7 @@ def _open_sawyer(order: "EaselOrder") -> OpenEasel:
     from frida_painter_drivers.sawyer.arm import SAWYER
 
     studio, easel = assemble_easel(order, SAWYER)
-    if order.film and order.folder is not None:
+    if order.simulation.film and order.folder is not None:
         with contextlib.suppress(ImportError):  # connecting the arm reports what to install
             from frida_painter_drivers.sawyer.arm_film import ArmFilm
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter import images
-from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.order import EaselOrder, SimulationOrder
 from frida_painter.easel.virtual_easel import assemble_easel
 from frida_painter.errors import ConfigError, StepRefused
 from frida_painter.palette import Palette
@@ -140,7 +140,9 @@ class _Episode:
     """
 
     def __init__(self, task: PaintingTask, goal: int, seed: int) -> None:
-        order = EaselOrder("virtual", task.size, (task.brush.name,), seed, Path(tempfile.gettempdir()))
+        order = EaselOrder(
+            "virtual", task.size, (task.brush.name,), Path(tempfile.gettempdir()), simulation=SimulationOrder(seed)
+        )
         self.studio, easel = assemble_easel(order, FREE)
         easel.robot.connect()
         easel.camera.connect()
