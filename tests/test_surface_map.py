@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from frida_painter.calibration import MAX_UNEVENNESS, Calibration, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
-from frida_painter.hardware.gateway import Limits, Surface
+from frida_painter.hardware.gateway import MotionLimits, Surface
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.strokes import Strokes
@@ -106,8 +106,8 @@ def test_the_tip_travels_above_the_highest_point_and_is_never_lower_than_the_har
     assert motion.clearance_height - flat.clearance_height == pytest.approx(record.surface.highest)
     surface = Surface(SIZE, record.press_height, record.surface)
     hardest = motion.stroke(stroke(1.0), 0)
-    Limits(WORKSPACE, surface).check([hardest])
+    MotionLimits(WORKSPACE, surface).check([hardest])
     pressed = WORKSPACE.to_robot(np.array([(0.005, 0.1), (0.28, 0.1)]), np.full(2, record.press_height))
-    Limits(WORKSPACE, surface).check([Waypoints("left", pressed[:1], 0.1)])
-    (fault,) = Limits(WORKSPACE, surface).faults([Waypoints("right", pressed, 0.1)])
+    MotionLimits(WORKSPACE, surface).check([Waypoints("left", pressed[:1], 0.1)])
+    (fault,) = MotionLimits(WORKSPACE, surface).faults([Waypoints("right", pressed, 0.1)])
     assert "the hardest press is at 0.0954 m there" in fault.reason, "it would dig 5.4 mm into the canvas"

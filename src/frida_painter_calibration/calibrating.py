@@ -57,10 +57,9 @@ def easel_of(spec: RunSpec, folder: Path | None = None, state: Path | None = Non
     """
     (brush,) = spec.brush_names
     wanted = order(spec, (brush,), folder, state)
+    error = wanted.simulation.placement_error
     if spec.robot == VIRTUAL and folder is None:
-        studio = open_studio(
-            spec.canvas, studio_brush(brush), seed=spec.seed, placement_error=wanted.simulation.placement_error
-        )
+        studio = open_studio(spec.canvas, studio_brush(brush), seed=spec.seed, placement_error=error)
         yield with_brush(studio.easel, brush)
         return
     with EaselProcess() as process:

@@ -303,13 +303,11 @@ def _open(name: MachineName, workspace: Workspace) -> GcodeRobot:
     return kind(name.where, require_home(name, workspace), language, baud, homing, workspace.lower[2])
 
 
-def _identify(name: MachineName) -> frozenset[str]:
-    return at_port(name.where)
-
-
 _NEEDED = Needed(module="serial", extra="plotter")
 _OPTIONS = "[,baud=N][,homing=yes][,servo=Z/{}/Z/{}][,lower=MM/S][,lift=MM/S][,sinks=yes][,own=FILE]"
-GRBL = RobotKind(
-    "gcode", f"gcode:PORT{_OPTIONS.format('S', 'S')}", "GRBL 1.1, grblHAL, FluidNC", _open, _NEEDED, _identify
+GRBL, MARLIN = (
+    RobotKind(
+        kind, f"{kind}:PORT{_OPTIONS.format(unit, unit)}", title, _open, _NEEDED, lambda name: at_port(name.where)
+    )
+    for kind, title, unit in (("gcode", "GRBL 1.1, grblHAL, FluidNC", "S"), ("marlin", "Marlin", "DEGREES"))
 )
-MARLIN = RobotKind("marlin", f"marlin:PORT{_OPTIONS.format('DEGREES', 'DEGREES')}", "Marlin", _open, _NEEDED, _identify)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from frida_painter.easel.connecting import connect_easel, warn_of_places
 from frida_painter.easel.connection import Host, Link, Wire, make_remote
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Question
-from frida_painter.easel.guard import GuardedCamera, GuardedRobot
+from frida_painter.easel.guard import GuardedRobot
 from frida_painter.easel.operator import AbsentOperator
 from frida_painter.errors import Interrupted, RobotError, WorkspaceViolation, ZeroUnknown
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.gateway import Limits, RobotGateway
+from frida_painter.hardware.gateway import MotionLimits, RobotGateway
 from frida_painter.hardware.latch import Unlatched
 from frida_painter.hardware.robot import MotionReport, Waypoints, Zero
 from frida_painter.hardware.timing import AxisTiming, TravelLimits
@@ -71,7 +71,7 @@ class ForgetfulRobot(NotingRobot):
 
 
 def easel_with(robot: ForgetfulRobot) -> Easel:
-    guarded = GuardedRobot(robot, Limits(WORKSPACE), Unlatched("the easel"))
+    guarded = GuardedRobot(robot, MotionLimits(WORKSPACE), Unlatched("the easel"))
     return Easel(guarded, PatientCamera(), AbsentOperator(), WORKSPACE, CALIBRATION, CANVAS)
 
 
@@ -177,7 +177,7 @@ def test_limit_switches_or_a_look_are_enough() -> None:
 
 def test_a_jog_is_short_and_stays_in_the_workspace_once_the_zero_is_known() -> None:
     robot = ForgetfulRobot(lost="", off=np.zeros(3))
-    guard = GuardedRobot(robot, Limits(WORKSPACE), Unlatched("the easel"))
+    guard = GuardedRobot(robot, MotionLimits(WORKSPACE), Unlatched("the easel"))
     guard.connect()
     for step in (np.array([0.0, 0.0, 0.2]), np.array([np.nan, 0, 0]), np.zeros(2)):
         with pytest.raises(WorkspaceViolation, match="one step is at most 50 mm"):
@@ -189,7 +189,7 @@ def test_a_jog_is_short_and_stays_in_the_workspace_once_the_zero_is_known() -> N
     assert robot.steps == []
     guard.jog(np.array([-0.02, 0.0, 0.0]))
     assert robot.steps == [0.02]
-    plain = GuardedRobot(NotingRobot(), Limits(WORKSPACE), Unlatched("another"))
+    plain = GuardedRobot(NotingRobot(), MotionLimits(WORKSPACE), Unlatched("another"))
     with pytest.raises(RobotError, match="always knows where it is"):
         plain.set_zero(CORNER)
 
@@ -237,10 +237,8 @@ def test_the_limits_of_a_machine_come_through_the_link_as_they_are(upper: tuple[
     robot = ForgetfulRobot(lost="")
     robot.travel = None if upper is None else TravelLimits((0.0, -0.1, -np.inf), upper, zero_known=False)
     ours, theirs = socket.socketpair()
-    guarded = GuardedRobot(robot, Limits(WORKSPACE), Unlatched("the easel"))
-    serving = threading.Thread(
-        target=Host(guarded, GuardedCamera(PatientCamera()), AbsentOperator()).serve, args=(Wire(theirs),), daemon=True
-    )
+    guarded = GuardedRobot(robot, MotionLimits(WORKSPACE), Unlatched("the easel"))
+    serving = threading.Thread(target=Host({"robot": guarded}).serve, args=(Wire(theirs),), daemon=True)
     serving.start()
     beats, its_beats = socket.socketpair()
     link = Link(Wire(ours), beats)

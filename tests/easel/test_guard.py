@@ -29,7 +29,7 @@ from frida_painter.errors import (
 )
 from frida_painter.hardware import deadline
 from frida_painter.hardware.faults import FailedMotion, Faults
-from frida_painter.hardware.gateway import Limits
+from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.latch import Latch, Unlatched
 from frida_painter.hardware.robot import BrushRack, Frame, MotionReport, Robot, Waypoints
 from frida_painter.hardware.timing import AxisTiming
@@ -56,7 +56,7 @@ def guarded(robot: Robot, folder: Path, **patiently: float) -> GuardedRobot:
     hangs = isinstance(getattr(robot, "action", None), Hang)  # only then is a deadline waited for
     seconds = 0.5 if hangs else 30.0
     quick = {"patience": seconds, "grace": seconds, "connecting": seconds, **patiently}
-    return GuardedRobot(robot, Limits(WORKSPACE), Latch(folder / "stopped.json", "the arm"), **quick)
+    return GuardedRobot(robot, MotionLimits(WORKSPACE), Latch(folder / "stopped.json", "the arm"), **quick)
 
 
 class Numbered(MisbehavingRobot):
@@ -71,7 +71,7 @@ def test_a_robot_that_says_which_one_it_is_stays_stopped_under_a_new_address(tmp
     claimed: list[str] = []
     robot = Numbered("", fine)
     guard = GuardedRobot(
-        robot, Limits(WORKSPACE), Latch(tmp_path / "new.json", "right", {"10.0.0.9"}), claim=claimed.append
+        robot, MotionLimits(WORKSPACE), Latch(tmp_path / "new.json", "right", {"10.0.0.9"}), claim=claimed.append
     )
     assert guard.stopped is None, "nobody can know before it was asked"
     with pytest.raises(RobotStopped, match=r"left was stopped.*a child ran by"):
@@ -84,7 +84,7 @@ def test_a_robot_that_says_which_one_it_is_stays_stopped_under_a_new_address(tmp
         raise RobotBusy(f"{identity} is in use", 7)
 
     guard = GuardedRobot(
-        Numbered("", fine), Limits(WORKSPACE), Latch(tmp_path / "a.json", "a", {"10.0.0.9"}), claim=taken
+        Numbered("", fine), MotionLimits(WORKSPACE), Latch(tmp_path / "a.json", "a", {"10.0.0.9"}), claim=taken
     )
     with pytest.raises(RobotBusy, match="XA-7 is in use"):
         guard.connect()
@@ -232,7 +232,7 @@ def test_a_robot_that_stands_outside_the_workspace_is_not_painted_with(
 def test_a_robot_that_does_not_know_where_it_is_is_not_painted_with(tmp_path: Path) -> None:
     """Fault F20: the robot starts outside the workspace or at an unknown position."""
     studio = open_studio(CanvasSize(0.12, 0.09), "fine", faults=Faults(unknown_pose=True))
-    guard = GuardedRobot(studio.easel.robot, Limits(studio.easel.workspace), Latch(tmp_path / "latch", "studio"))
+    guard = GuardedRobot(studio.easel.robot, MotionLimits(studio.easel.workspace), Latch(tmp_path / "latch", "studio"))
     with pytest.raises(RobotError, match="does not know where its tip is"):
         guard.connect()
     assert studio.robot.motions == 0
@@ -318,7 +318,7 @@ def test_a_virtual_robot_that_fails_is_told_of_and_stopped(row: str, tmp_path: P
     studio = open_studio(CanvasSize(0.12, 0.09), "fine", faults=faults)
     x, y, z = studio.easel.workspace.water
     path = Waypoints("stroke 3", np.array([[x, y, z + 0.03], [x + 0.03, y, z + 0.03], [x + 0.06, y, z + 0.03]]), 0.1)
-    guard = GuardedRobot(studio.easel.robot, Limits(studio.easel.workspace), Latch(tmp_path / "latch", "studio"))
+    guard = GuardedRobot(studio.easel.robot, MotionLimits(studio.easel.workspace), Latch(tmp_path / "latch", "studio"))
     guard.connect()
     guard.follow(path)
     with pytest.raises(kind, match=says) as fault:
@@ -351,7 +351,7 @@ def test_whenever_and_however_often_it_is_stopped_nothing_moves_afterwards(tmp_p
     for trial in range(100):
         robot.rearm()
         robot._tip = home.copy()
-        guard = GuardedRobot(robot, Limits(studio.easel.workspace), Latch(tmp_path / "latch", "studio"))
+        guard = GuardedRobot(robot, MotionLimits(studio.easel.workspace), Latch(tmp_path / "latch", "studio"))
         guard.connect()
         stops: list[float] = []
 
@@ -479,7 +479,7 @@ def test_a_motion_is_promised_before_it_begins(tmp_path: Path) -> None:
 
     for robot, least in ((MisbehavingRobot(), 2 * 0.316 / 0.25 + 15), (Told(), 2 * 0.1 / 0.01 + 3600)):
         promised: list[float] = []
-        guard = GuardedRobot(robot, Limits(WORKSPACE), Unlatched("the arm"), promise=promised.append)
+        guard = GuardedRobot(robot, MotionLimits(WORKSPACE), Unlatched("the arm"), promise=promised.append)
         guard.connect()
         guard.follow(ABOVE)
         assert len(promised) == 1 and least - 2 < promised[0] < least + 40

@@ -18,7 +18,7 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import ConfigError, RobotBusy, RobotDisconnected, StaleFrame, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.gateway import Limits
+from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.registry import EASELS
 from frida_painter.session.hand import Hand
@@ -91,17 +91,17 @@ def test_a_process_ends_with_its_block_whether_it_was_opened_or_not(tmp_path: Pa
 _COUNTED_KIND = """
 from frida_painter.easel.kinds import EaselKind
 from frida_painter.easel.virtual_easel import VIRTUAL_KIND as STUDIO
-from frida_painter.hardware.gateway import Limits
+from frida_painter.hardware.gateway import MotionLimits
 
 def open_counted(order):
-    find_faults = Limits._faults_of
+    find_faults = MotionLimits._faults_of
 
     def count(limits, motion):
         with (order.folder / "checks").open("a") as file:
             file.write(f"{motion.label}\\n")
         return find_faults(limits, motion)
 
-    Limits._faults_of = count
+    MotionLimits._faults_of = count
     return STUDIO.open(order)
 
 KIND = EaselKind("counted", "a virtual studio that counts how often its door checks a motion", open_counted, True)
@@ -113,7 +113,7 @@ def test_a_motion_is_checked_once_at_the_door_of_its_process(tmp_path: Path, mon
     install(tmp_path / "kind", monkeypatch, "counted-easel", points, {"counted_easel": _COUNTED_KIND})
     order, plan = order_in(tmp_path / "counted", robot="counted"), plan_of_paints([0, 1, 0])
     with easel_of(order) as (easel, _):
-        monkeypatch.delattr(Limits, "_faults_of")  # nothing is checked on this side
+        monkeypatch.delattr(MotionLimits, "_faults_of")  # nothing is checked on this side
         easel.operator.fill_wells(PAINTS)
         hand = Hand(easel, brush_kind("fine"))
         actions = hand.prepare(plan, 0, len(plan))

@@ -10,7 +10,7 @@ import pytest
 
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import PoseMismatch, RobotDisconnected, WorkspaceViolation
-from frida_painter.hardware.gateway import Limits, RobotGateway, Surface
+from frida_painter.hardware.gateway import MotionLimits, RobotGateway, Surface
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import ArmLength, MotionReport, Waypoints
 from frida_painter.hardware.timing import TravelLimits
@@ -45,8 +45,8 @@ def over_canvas(x, y, height):
 
 
 def test_what_lies_inside_may_be_sent_to_the_very_edge():
-    Limits(WORKSPACE).check([])
-    Limits(WORKSPACE).check([way(), way(np.array([WORKSPACE.lower, WORKSPACE.upper]), 1.0)])
+    MotionLimits(WORKSPACE).check([])
+    MotionLimits(WORKSPACE).check([way(), way(np.array([WORKSPACE.lower, WORKSPACE.upper]), 1.0)])
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -54,7 +54,7 @@ def test_what_lies_inside_may_be_sent_to_the_very_edge():
 def test_one_number_that_is_not_allowed_refuses_the_motion_and_names_it(axis, value):
     for point in range(3):
         with pytest.raises(WorkspaceViolation) as refused:
-            Limits(WORKSPACE).check([way(with_one(value, axis, point))])
+            MotionLimits(WORKSPACE).check([way(with_one(value, axis, point))])
         message = str(refused.value)
         assert message.startswith(f"stroke 7: {'xyz'[axis]} = {value:.4f} m at waypoint {point}; ")
         assert f"from {WORKSPACE.lower[axis]:.4f} to {WORKSPACE.upper[axis]:.4f} m" in message
@@ -64,38 +64,38 @@ def test_one_number_that_is_not_allowed_refuses_the_motion_and_names_it(axis, va
 @pytest.mark.parametrize("speed", [0.0, -0.1, math.nan, math.inf, 60.0])
 def test_speeds_that_no_painter_needs_are_refused(speed):
     with pytest.raises(WorkspaceViolation, match=r"stroke 7: a speed of .* allowed is above 0 to 1"):
-        Limits(WORKSPACE).check([way(speed=speed)])
+        MotionLimits(WORKSPACE).check([way(speed=speed)])
 
 
 @pytest.mark.parametrize("position", [np.zeros((0, 3)), np.zeros((4, 2)), np.zeros(3)])
 def test_what_is_no_path_is_refused(position):
     with pytest.raises(WorkspaceViolation, match=r"waypoints of shape"):
-        Limits(WORKSPACE).check([way(position)])
+        MotionLimits(WORKSPACE).check([way(position)])
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.06, 0.04), (0.0, 0.0), (0.125, 0.09), (-0.009, 0.05)])
 def test_over_the_canvas_nothing_goes_below_the_hardest_press_and_wells_beside_it_may_be_deeper(x, y):
-    Limits(WORKSPACE, SURFACE).check([over_canvas(x, y, 0.09), over_canvas(-0.03, 0.04, 0.06)])
-    Limits(WORKSPACE).check([over_canvas(x, y, 0.089)])
+    MotionLimits(WORKSPACE, SURFACE).check([over_canvas(x, y, 0.09), over_canvas(-0.03, 0.04, 0.06)])
+    MotionLimits(WORKSPACE).check([over_canvas(x, y, 0.089)])
     says = r"stroke 7: z = 0\.0890 m at waypoint 1, over the canvas; .* 0\.0900 m"
     with pytest.raises(WorkspaceViolation, match=says):
-        Limits(WORKSPACE, SURFACE).check([over_canvas(x, y, 0.089)])
+        MotionLimits(WORKSPACE, SURFACE).check([over_canvas(x, y, 0.089)])
     with pytest.raises(WorkspaceViolation, match="over the canvas"):
-        Limits(WORKSPACE, Surface(CANVAS, math.nan)).check([over_canvas(x, y, 0.1)])
+        MotionLimits(WORKSPACE, Surface(CANVAS, math.nan)).check([over_canvas(x, y, 0.1)])
 
 
 def test_where_the_arm_does_not_get_is_refused_and_so_is_the_last_waypoint():
     path = np.linspace((0.1, 0.1, 0.1), (0.3, 0.1, 0.1), 35)
-    Limits(WORKSPACE, reach=ArmLength((0.0, 0.0, 0.1), 0.1, 0.32)).check([way(path)])
+    MotionLimits(WORKSPACE, reach=ArmLength((0.0, 0.0, 0.1), 0.1, 0.32)).check([way(path)])
     with pytest.raises(WorkspaceViolation, match=r"stroke 7: the arm does not reach \(0\.300, 0\.100, 0\.100\)"):
-        Limits(WORKSPACE, reach=ArmLength((0.0, 0.0, 0.1), 0.1, 0.315)).check([way(path)])
+        MotionLimits(WORKSPACE, reach=ArmLength((0.0, 0.0, 0.1), 0.1, 0.315)).check([way(path)])
     with pytest.raises(WorkspaceViolation, match=r"stroke 7: x = 0\.2059 m at waypoint 18; the machine's own limits"):
-        Limits(WORKSPACE, travel=TravelLimits((-1.0, -1.0, -1.0), (0.205, 1.0, 1.0))).check([way(path)])
+        MotionLimits(WORKSPACE, travel=TravelLimits((-1.0, -1.0, -1.0), (0.205, 1.0, 1.0))).check([way(path)])
 
 
 def test_every_motion_with_a_fault_is_told_once():
     batch = [way(label="a"), way(with_one(9, 0), 9.0, label="b"), way(label="c"), way(speed=0, label="d")]
-    assert [fault.label for fault in Limits(WORKSPACE).faults(iter(batch))] == ["b", "d"]
+    assert [fault.label for fault in MotionLimits(WORKSPACE).faults(iter(batch))] == ["b", "d"]
 
 
 def test_motions_are_sent_in_order_and_the_last_one_is_remembered() -> None:
@@ -177,7 +177,7 @@ def test_an_arm_that_does_not_go_aside_is_told_of(astray: float) -> None:
 def test_the_wait_for_a_motion_has_a_deadline(tmp_path: Path) -> None:
     hang = Hang()
     latch = Latch(tmp_path / "stub", "stub")
-    guard = GuardedRobot(MisbehavingRobot("follow", hang), Limits(WORKSPACE), latch, patience=0.01, grace=0.05)
+    guard = GuardedRobot(MisbehavingRobot("follow", hang), MotionLimits(WORKSPACE), latch, patience=0.01, grace=0.05)
     try:
         guard.connect()
         with pytest.raises(RobotDisconnected, match=r"first: the robot did not come back"):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import WorkspaceViolation
-from frida_painter.hardware.gateway import Limits
+from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import ArmLength, Waypoints
 from frida_painter.strokes import Strokes
@@ -83,7 +83,7 @@ def test_the_robot_is_sent_where_the_calibration_says():
 
 def test_a_motion_is_called_what_it_is_for_and_stays_in_the_workspace():
     motions = MOTION.stroke(stroke(), 0), MOTION.stroke(stroke(), 0, "stroke 12"), MOTION.rinse(), MOTION.wipe()
-    Limits(WORKSPACE).check([*motions, *map(MOTION.dip, range(4))])
+    MotionLimits(WORKSPACE).check([*motions, *map(MOTION.dip, range(4))])
     assert [motion.label for motion in motions] == ["stroke 0", "stroke 12", "rinse", "wipe"]
     assert MOTION.dip(2).label == "dip into well 3" and MOTION.dip(2).cue == ("dip", "3")
 

@@ -22,7 +22,7 @@ from frida_painter.easel.guard import GuardedRobot
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.gateway import Limits
+from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.latch import Unlatched
 from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.workcell import WorkcellConfig
@@ -48,7 +48,7 @@ class InProcess:
 
     def open(self, order: EaselOrder) -> Easel:
         easel = open_easel(order).easel
-        return replace(easel, robot=GuardedRobot(easel.robot, Limits(easel.workspace), Unlatched("rehearsal")))
+        return replace(easel, robot=GuardedRobot(easel.robot, MotionLimits(easel.workspace), Unlatched("rehearsal")))
 
 
 @dataclass

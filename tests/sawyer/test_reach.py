@@ -5,7 +5,7 @@ import pytest
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import RobotError, WorkspaceViolation
-from frida_painter.hardware.gateway import Limits
+from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.virtual.bristles import find_brush
 from frida_painter.virtual.tabletop import sawyer_layout
@@ -33,7 +33,7 @@ def test_what_it_does_not_reach_is_refused_with_the_whole_batch():
     reach = SawyerReach(workspace, canvas)
     corner = workspace.to_robot(np.array([[0.02, 0.02]]), np.array([0.06]))
     with pytest.raises(WorkspaceViolation, match="stroke 3: the arm does not reach"):
-        Limits(workspace, reach=reach).check([Waypoints("stroke 3", corner, 0.06)])
+        MotionLimits(workspace, reach=reach).check([Waypoints("stroke 3", corner, 0.06)])
 
 
 def test_without_mujoco_a_sentence_says_what_to_install(monkeypatch):

@@ -28,7 +28,7 @@ from frida_painter.brush.kinds import stroke_path
 from frida_painter.calibration import Calibration
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import MotionFailed, RobotError, RobotStopped
-from frida_painter.hardware.gateway import Limits
+from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.preset import find_preset
@@ -278,7 +278,7 @@ def reflex(folder: Path, arm: FrankyArm) -> str:
     """Has the arm run into something; returns what was wrong, "" if nothing."""
     workspace = WorkcellConfig.load(folder / "easel.toml").workspace
     latch = Latch(folder / "stopped" / "studio.json", "studio")
-    robot = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), Limits(workspace), latch)
+    robot = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), MotionLimits(workspace), latch)
     robot.connect()
     robot.home()
 
@@ -304,7 +304,7 @@ def reflex(folder: Path, arm: FrankyArm) -> str:
             latch.release()
         elif latch.read() is None:
             latch.engage("a reflex")
-        again = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), Limits(workspace), latch)
+        again = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), MotionLimits(workspace), latch)
         try:
             again.connect()
             again.home()
@@ -314,7 +314,7 @@ def reflex(folder: Path, arm: FrankyArm) -> str:
     if arm.moves() != moves or arm.recoveries():
         return "it moved or recovered by itself"
     latch.release()
-    again = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), Limits(workspace), latch)
+    again = GuardedRobot(FrankaRobot(arm.address, HOME, brush_length=BRUSH), MotionLimits(workspace), latch)
     again.connect()
     again.home()
     again.close()

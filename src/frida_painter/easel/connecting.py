@@ -171,10 +171,9 @@ def warn_of_places(travel: TravelLimits, workspace: Workspace, canvas: CanvasSiz
 
     lowest: robot z of the hardest press on the canvas, metres
     """
-    corners = np.array([(0, 0), (canvas.width, 0), (canvas.width, canvas.height), (0, canvas.height)], np.float64)
-    high = workspace.top + workspace.hover
+    heights = lowest, workspace.top + workspace.hover
     places: dict[str, NDArray[np.float64]] = {
-        "the canvas": workspace.to_robot(np.r_[corners, corners], np.repeat((lowest, high), 4)),
+        "the canvas": np.array([(x, y, z) for x, y, _ in workspace.corners(canvas).values() for z in heights]),
         **{f"well {number}": np.array([well]) for number, well in enumerate(workspace.wells, 1)},
         "the water": np.array([workspace.water]),
         "the rag": np.array([workspace.rag]) + np.array([[-1.0], [1.0]]) * (workspace.rag_width / 2, 0, 0),

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, is_dataclass
 from functools import cache
 from types import MappingProxyType, NoneType
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 import numpy as np
 import torch
@@ -42,9 +42,6 @@ from frida_painter.hardware.robot import (
     TouchProbe,
     ZeroedRobot,
 )
-
-if TYPE_CHECKING:
-    from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -181,7 +178,7 @@ class Request:
         Raises RobotError if `target` does not have it, and the errors of the method.
         """
         if (method := getattr(target, self.method, None)) is None:
-            raise _unknown(self.part, self.method)
+            raise RobotError(f"The easel has no {self.part + '.' + self.method!r}.")
         found = self.signature.bind(None, **{name: unpack(told[name], self.types[name], arrays) for name in told})
         result = method(*found.args[1:], **found.kwargs)  # a driver may call its arguments by other names
         sent: Arrays = {}
@@ -210,12 +207,8 @@ def find_request(words: Mapping[str, Any]) -> Request:
     """Returns the request that came as plain values. Raises RobotError if there is none of that name."""
     part, method = str(words.get("part")), str(words.get("do"))
     if (found := requests(part).get(method)) is None:
-        raise _unknown(part, method)
+        raise RobotError(f"The easel's process was asked for {part + '.' + method!r}, which it does not know.")
     return found
-
-
-def _unknown(part: str, method: str) -> RobotError:
-    return RobotError(f"The easel's process was asked for {part + '.' + method!r}, which it does not know.")
 
 
 Made = TypeVar("Made")
@@ -337,14 +330,13 @@ def decode_error(answer: Mapping[str, Any]) -> FridaError:
 
 @dataclass(frozen=True)
 class Host:
-    """Server of an easel over a wire, with guarded robot and camera. Its fields are the parts that requests name.
+    """Server of an easel over a wire.
 
+    parts: robot and camera under guard, and operator, by the names that requests give them
     remarks: sentences for people, which go with the next answer
     """
 
-    robot: "GuardedRobot"
-    camera: "GuardedCamera"
-    operator: Operator
+    parts: Mapping[str, Any]
     remarks: deque[str] = field(default_factory=deque)
 
     def serve(self, wire: Wire) -> bool:
@@ -359,7 +351,7 @@ class Host:
                     return True
                 answer, result = self._answer(words, arrays)
                 told = [self.remarks.popleft() for _ in range(len(self.remarks))]
-                machines = sorted(self.robot.latch.machines)
+                machines = sorted(self.parts["robot"].latch.machines)
                 wire.send({**answer, "remarks": told, "machines": machines}, result)
         except RobotDisconnected:
             return False
@@ -367,7 +359,7 @@ class Host:
     def _answer(self, words: Mapping[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
         try:
             request = find_request(words)
-            return request.answer(getattr(self, request.part), words["with"], arrays)
+            return request.answer(self.parts[request.part], words["with"], arrays)
         except FridaError as error:
             return encode_error(error), {}
         except Exception as error:  # also of our own code: the painting process must hear of it

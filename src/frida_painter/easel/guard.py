@@ -27,7 +27,7 @@ from frida_painter.errors import (
     ZeroUnknown,
 )
 from frida_painter.hardware.deadline import Caller, in_our_errors, one_line, steady
-from frida_painter.hardware.gateway import Door, Limits, Surface, require_arrived
+from frida_painter.hardware.gateway import Door, MotionLimits, Surface, require_arrived
 from frida_painter.hardware.latch import Latch, StopRecord, Unlatched
 from frida_painter.hardware.robot import (
     Camera,
@@ -81,7 +81,7 @@ class GuardedRobot:
     def __init__(
         self,
         robot: Robot,
-        limits: Limits,
+        limits: MotionLimits,
         latch: Latch | Unlatched,
         *,
         patience: float = 2.0,
@@ -92,7 +92,7 @@ class GuardedRobot:
     ) -> None:
         self._claim, self._promise = claim, promise
         self.robot, self.workspace, self.latch = robot, limits.workspace, latch
-        self._door, self._box = Door(limits), Limits(limits.workspace)
+        self._door, self._box = Door(limits), MotionLimits(limits.workspace)
         self._patience, self._grace, self._connecting = patience, grace, connecting
         self._caller = Caller("robot")
         self._lock = threading.RLock()  # reentrant: a signal handler may stop the robot while the lock is held

@@ -33,7 +33,7 @@ from frida_painter.easel.order import FACTS, EaselFacts, EaselOrder
 from frida_painter.easel.watchdog import ENDED, MACHINE, SIMULATED, STOP, CpuActivity, StopFile, Watch
 from frida_painter.errors import FridaError, RobotDisconnected, RobotStopped
 from frida_painter.hardware.deadline import one_line
-from frida_painter.hardware.gateway import Limits, Surface
+from frida_painter.hardware.gateway import MotionLimits, Surface
 from frida_painter.hardware.latch import HOW_TO_ARM, Unlatched, latch_of
 from frida_painter.hardware.robot import LiveCamera
 
@@ -115,7 +115,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         patience: dict[str, float] = {"grace": math.inf, "connecting": math.inf} if simulated else {}
         robot = GuardedRobot(
             easel.robot,
-            Limits(easel.workspace, Surface.of(easel.canvas, easel.calibration), easel.reach),
+            MotionLimits(easel.workspace, Surface.of(easel.canvas, easel.calibration), easel.reach),
             Unlatched(known_as) if simulated else latch_of(order.state, known_as, known),
             claim=lambda identity: hold_machines(stack, order.state, {identity}),
             promise=lambda seconds: wire.send({"within": seconds}),
@@ -134,7 +134,7 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
             sys.exit(128 + number)
 
         signal.signal(signal.SIGTERM, end)
-        host = Host(robot, camera, easel.operator)
+        host = Host({"robot": robot, "camera": camera, "operator": easel.operator})
         file: StopFile | None = None
         if order.folder is not None:
             file = StopFile(order.folder / STOP_FILE, partial(robot.stop, asked=True), host.remarks.append)

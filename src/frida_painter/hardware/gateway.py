@@ -15,8 +15,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace
 from frida_painter.hardware.timing import TravelLimits
 
-# Limits of motions. A batch is allowed as a whole, or nothing of it is sent. Nothing is clamped, and NaN fails every
-# check.
+# A batch is allowed as a whole, or nothing of it is sent. Nothing is clamped, and NaN fails every check.
 
 FASTEST = 1.0
 _TOLERANCE = 1e-6
@@ -63,7 +62,7 @@ class Fault:
 
 
 @dataclass(frozen=True)
-class Limits:
+class MotionLimits:
     """Limits of every motion at an easel.
 
     surface: depth limit over the canvas; None if unknown
@@ -84,9 +83,8 @@ class Limits:
     def faults(self, batch: Iterable[Waypoints]) -> Iterator[Fault]:
         """Yields each motion that is not allowed, with its first fault."""
         for motion in batch:
-            for reason, remedy in self._faults_of(motion):
-                yield Fault(motion.label, reason, remedy)
-                break
+            if (found := next(self._faults_of(motion), None)) is not None:
+                yield Fault(motion.label, *found)
 
     def _faults_of(self, motion: Waypoints) -> Iterator[tuple[str, str]]:
         """Yields the reasons why a motion is not allowed, each with its remedy."""
@@ -151,7 +149,7 @@ class Door:
     own: limits of the robot itself, which also hold for motions that nobody asked about before
     """
 
-    def __init__(self, own: Limits) -> None:
+    def __init__(self, own: MotionLimits) -> None:
         self._own = self._both = own
         self._stated: tuple[Workspace, Surface] | None = None
         self._allowed: set[tuple[float, bytes]] = set()
@@ -191,7 +189,7 @@ def _identify(motion: Waypoints) -> tuple[float, bytes]:
 def door_of(easel: Easel) -> CheckedRobot:
     """Returns the door of an easel's robot: that of its process, or one here for a robot of this process."""
     robot = easel.robot
-    return robot if isinstance(robot, CheckedRobot) else Door(Limits(easel.workspace, reach=easel.reach))
+    return robot if isinstance(robot, CheckedRobot) else Door(MotionLimits(easel.workspace, reach=easel.reach))
 
 
 _ARRIVED = 0.002

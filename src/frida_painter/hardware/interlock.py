@@ -3,11 +3,7 @@
 The interlock belongs to one driver. It stands between the driver and the maker's library and knows whether this
 connection is open, at fault or stopped. It forgets that when the driver connects again.
 
-The guard (easel/guard.py) is a different layer. It wraps a whole robot in the easel's process and trusts no driver:
-it checks motions against the workspace, gives the driver itself a deadline, and latches a stop over restarts until
-a person re-arms.
-
-Both use the deadlines and errors of hardware/deadline.py.
+The guard (easel/guard.py) is a different layer: it wraps a whole robot in the easel's process and trusts no driver.
 """
 
 import math

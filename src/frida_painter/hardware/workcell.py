@@ -232,24 +232,15 @@ class WorkcellConfig:
 
     @classmethod
     def _put_together(cls, read: _File) -> Self:
-        canvas, paint, motion, rack, arm = read.canvas, read.paint, read.motion, read.rack, read.arm
+        canvas = read.canvas
         workspace = Workspace(
-            lower=read.bounds.lower,
-            upper=read.bounds.upper,
             canvas_origin=canvas.corner,
             canvas_angle=math.radians(canvas.turn),
-            wells=paint.wells,
-            water=paint.water,
-            rag=paint.rag,
-            rag_width=paint.rag_width,
-            hover=motion.hover,
-            painting_speed=motion.painting_speed,
-            travel_speed=motion.travel_speed,
-            home=motion.home,
-            rack=BrushRack(rack.places, rack.slide, rack.lift) if rack else None,
+            rack=BrushRack(**dict(read.rack)) if read.rack else None,
+            **dict([*read.bounds, *read.paint, *read.motion]),
         )
         size = CanvasSize(canvas.width, canvas.height)
-        reach = ArmLength(arm.shoulder, arm.nearest, arm.farthest) if arm else None
+        reach = ArmLength(**dict(read.arm)) if read.arm else None
         return cls(read.easel, workspace, size, read.brush.touch_height, read.brush.press_height, reach)
 
 

@@ -34,11 +34,11 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
         workspace=None if spec.workspace is None else spec.workspace.absolute(),
         camera=spec.camera,
         simulation=SimulationOrder(
-            seed=spec.seed,
-            pace=spec.pace if spec.simulated else 0.0,
-            placement_error=None if error is None else PlacementError(error[:2], error[2]),
-            film=spec.films_arm,
+            spec.seed,
+            spec.pace if spec.simulated else 0.0,
+            None if error is None else PlacementError(error[:2], error[2]),
             canvas_picture=None if spec.studio_canvas is None else spec.studio_canvas.absolute(),
+            film=spec.films_arm,
         ),
     )
 

@@ -285,8 +285,7 @@ class ByHand(PersonAsOperator):
 
     def __init__(self, easel: Easel, answer: Callable[[Question], Answer]) -> None:
         super().__init__(answer)
-        self._easel, self._robot = easel, easel.robot
-        self.allow = door_of(easel).allow
+        self._easel, self._robot, self.allow = easel, easel.robot, door_of(easel).allow
         self.camera = Remembering(easel.camera, self._settle)
         self._width = brush_kind(easel.calibration.brush).width
         self._palette: Palette | None = None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.hardware.gateway import Fault, Limits, Surface
+from frida_painter.hardware.gateway import Fault, MotionLimits, Surface
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Point, Reach, Waypoints, Workspace
 from frida_painter.hardware.timing import TravelLimits
@@ -121,7 +121,7 @@ def rehearse(
     for part in plan.filled_layers():
         known = calibration.of_brush(part.layers[0].brush) if len(plan.brushes) > 1 else calibration
         motion = Motion(workspace, known)
-        limits = Limits(workspace, Surface.of(canvas, known), reach, fixed)
+        limits = MotionLimits(workspace, Surface.of(canvas, known), reach, fixed)
         for index in range(len(part)):
             path = motion.stroke(part.strokes, index, f"stroke {before + index + 1}")
             ends += [path.position.min(0), path.position.max(0)]
@@ -130,7 +130,7 @@ def rehearse(
         before += len(part)
     motion = Motion(workspace, calibration)
     around = list(_around(plan, motion))
-    others = Limits(workspace, Surface.of(canvas, calibration), reach, fixed).faults(around)
+    others = MotionLimits(workspace, Surface.of(canvas, calibration), reach, fixed).faults(around)
     ends += [end for path in around for end in (path.position.min(0), path.position.max(0))]
     short = _short_travel(travel, np.array(ends)) if travel is not None and fixed is None else ()
     return Rehearsal((*_mismatches(plan, workspace, canvas), *short), strokes, tuple(others))

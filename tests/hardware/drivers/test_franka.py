@@ -18,7 +18,7 @@ import franky
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware import interlock
-from frida_painter.hardware.gateway import Limits
+from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import TouchProbe, Waypoints, Workspace
 from frida_painter_drivers import franka
@@ -219,7 +219,7 @@ def test_a_reflex_is_told_and_only_a_person_clears_it(arm: FrankyArm, robot: Fra
     latch = Latch(tmp_path / "stopped" / "studio.json", "studio")
     space = Workspace((0.2, -0.4, 0.0), (0.8, 0.4, 0.6), (0.4, 0.0, 0.1), 0.0, (), (0.0,) * 3, (0.0,) * 3, 0.1, 0.02,
                       0.05, 0.2)  # fmt: skip
-    guarded = GuardedRobot(robot, Limits(space), latch)
+    guarded = GuardedRobot(robot, MotionLimits(space), latch)
     guarded.connect()
     guarded.follow(Waypoints("above", a_stroke().position[:1], 0.1))
     moves = arm.moves()
@@ -237,9 +237,9 @@ def test_a_reflex_is_told_and_only_a_person_clears_it(arm: FrankyArm, robot: Fra
     assert told.value.code == "cartesian_reflex"
     arm.order(mode=None, errors=[])  # a person has cleared it at the arm
     with pytest.raises(RobotStopped, match="frida-painter arm"):
-        GuardedRobot(robot, Limits(space), latch).connect()
+        GuardedRobot(robot, MotionLimits(space), latch).connect()
     latch.release()  # and has re-armed it here
-    again = GuardedRobot(robot, Limits(space), latch)
+    again = GuardedRobot(robot, MotionLimits(space), latch)
     again.connect()
     again.follow(a_stroke())
     again.close()
