@@ -12,6 +12,7 @@ from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import Bump, Faults, PlacementError
 from frida_painter.hardware.motion import Motion
+from frida_painter.hardware.robot import Workspace
 from frida_painter.perception.landmarks import match_dots
 from frida_painter.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
@@ -146,15 +147,12 @@ def test_a_robot_that_paints_the_wrong_way_round_is_found_out(sign: tuple[int, i
     middle = np.array([SIZE.width, SIZE.height]) / 2
     to_robot = easel.workspace.to_robot
 
-    class Wrong:
-        def __getattr__(self, name: str):
-            return getattr(easel.workspace, name)
-
+    class Wrong(Workspace):
         def to_robot(self, position, height):
             return to_robot((position - middle) * sign + middle, height)
 
     with pytest.raises(CalibrationError, match=says):
-        lead(robot(replace(easel, workspace=Wrong())), proposed)
+        lead(robot(replace(easel, workspace=Wrong(**vars(easel.workspace)))), proposed)
 
 
 @pytest.mark.parametrize("size", [CanvasSize(0.12, 0.09), SIZE, CanvasSize(0.279, 0.356), CanvasSize(1.0, 0.3)])
