@@ -29,9 +29,7 @@ class Driver(ABC):
 
     name: of the robot, in messages
     resting: home position of the tip, metres
-    approach: m/s to the first waypoint of a motion
-
-    Raises ConfigError if a value is not allowed.
+    approach: m/s to the first waypoint of a motion; raises ConfigError if it is not allowed
     """
 
     def __init__(self, name: str, resting: Point, approach: float) -> None:

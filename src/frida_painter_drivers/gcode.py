@@ -297,9 +297,8 @@ def _open(name: MachineName, workspace: Workspace) -> GcodeRobot:
         name.choose("sinks", yes_or_no, False),
         own,
     )
-    feels = language.flavour == "grbl" and language.tells_height
     baud, homing = name.choose("baud", int, 115_200), name.choose("homing", yes_or_no, False)
-    kind = GrblRobot if feels else GcodeRobot
+    kind = GrblRobot if language.flavour == "grbl" and language.tells_height else GcodeRobot
     return kind(name.where, require_home(name, workspace), language, baud, homing, workspace.lower[2])
 
 

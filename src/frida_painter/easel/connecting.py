@@ -42,7 +42,6 @@ from frida_painter.hardware.workcell import WorkcellConfig
 
 _MAX_STEP = 0.02  # metres of a jog
 _ROOM = 2.0  # metres that a person may jog along one axis, in all
-_AXES = ("x", "y", "z")
 _PATIENCE = 20.0  # seconds: an examination takes ten, and a driver may hang
 _SLOWER = 0.95  # share of the wanted speed below which a person is told
 GUIDED_RATE = 50
@@ -118,7 +117,6 @@ def guide_arm(
     """Releases a named arm for a person's hand, and tells where its tip is until `ended`, or for an hour.
 
     hear: receives the tip [3] in metres of the robot's frame, and the seconds since the release
-    ended: asked after every sample
 
     The arm holds its place afterwards, also after an error, and is stopped until a person arms it. The stop is stored
     before the arm is released, so that it holds even if this process is killed in between.
@@ -156,7 +154,7 @@ def warn_of_speeds(timing: AxisTiming, workspace: Workspace) -> list[str]:
     found = []
     for name, speed in (("painting", workspace.painting_speed), ("travel", workspace.travel_speed)):
         reached = timing.limit_speeds(np.eye(3), np.full(3, speed))
-        slow = [f"{1000 * most:.3g} mm/s along {axis}" for axis, most in zip(_AXES, reached, strict=True)
+        slow = [f"{1000 * most:.3g} mm/s along {axis}" for axis, most in zip("xyz", reached, strict=True)
                 if most < _SLOWER * speed]  # fmt: skip
         if slow:
             found.append(
@@ -183,7 +181,7 @@ def warn_of_places(travel: TravelLimits, workspace: Workspace, canvas: CanvasSiz
     axes = np.flatnonzero(travel.beyond(np.concatenate(list(places.values()))).any(0)).tolist()
     if not axes:
         return []
-    limits = ", ".join(f"{_AXES[axis]} {travel.describe(axis)}" for axis in axes)
+    limits = ", ".join(f"{'xyz'[axis]} {travel.describe(axis)}" for axis in axes)
     beyond = ", ".join(name for name, place in places.items() if travel.beyond(place).any())
     return [
         f"The machine's own limits ({limits}) do not include {beyond or 'all places of the workspace together'}; "

@@ -44,6 +44,7 @@ from frida_painter.hardware.robot import (
 )
 
 Arrays = dict[str, NDArray[Any]]
+T = TypeVar("T")
 
 _LENGTHS = struct.Struct("<II")  # of the object and of the arrays' bytes
 _MAX_WORDS = 2**20
@@ -211,11 +212,7 @@ def find_request(words: Mapping[str, Any]) -> Request:
     return found
 
 
-Made = TypeVar("Made")
-Answering = Callable[[Any, Request, Mapping[str, Any]], Any]
-
-
-def answering(part: str, answer: Answering) -> Callable[[type[Made]], type[Made]]:
+def answering(part: str, answer: Callable[[Any, Request, Mapping[str, Any]], Any]) -> Callable[[type[T]], type[T]]:
     """Decorates the class of a part: each request of the part that it has no method for becomes a call of `answer`.
 
     answer: receives the object, the request and its arguments by name
@@ -228,7 +225,7 @@ def answering(part: str, answer: Answering) -> Callable[[type[Made]], type[Made]
 
         return call
 
-    def complete(made: type[Made]) -> type[Made]:
+    def complete(made: type[T]) -> type[T]:
         for name, request in requests(part).items():
             if name not in vars(made):
                 setattr(made, name, method(request))

@@ -60,9 +60,8 @@ MAX_JOG = 0.05
 
 @answering("robot", lambda guard, request, given: guard._ask(request.method, *given.values()))
 class GuardedRobot:
-    """Robot under guard: wraps another robot. Implements all that a robot can be asked for (easel/connection.py).
-
-    Methods that are not written here are questions that move nothing; the driver answers them within `grace`.
+    """Robot under guard: wraps another robot. Implements all that a robot can be asked for (easel/connection.py); the
+    driver answers the questions that are not written here, which move nothing, within `grace`.
 
     limits: of the robot itself; its door checks every motion by them, and by those that the painter states
     latch: keeps a stop over restarts (Latch); for a simulated robot it does not (Unlatched)
@@ -74,8 +73,7 @@ class GuardedRobot:
     stopped: stop that holds until the robot is re-armed; None if there is none
 
     Every motion raises RobotStopped if a person must re-arm the robot first, and ZeroUnknown while the machine does not
-    know where it is. The time limits follow the speeds that its controller told. A motion is not overdue while the
-    controller shows that it goes on.
+    know where it is. A motion is not overdue while the controller shows that it goes on.
     """
 
     def __init__(
@@ -241,7 +239,7 @@ class GuardedRobot:
         return self._move("home", self.robot.home, longest, here.travel_speed)
 
     def allow(self, motions: tuple[Waypoints, ...], workspace: Workspace, surface: Surface) -> None:
-        """Checks a batch at the door; as `CheckedRobot`. Raises WorkspaceViolation."""
+        """Checks a batch at the door, as `CheckedRobot`."""
         self._door.allow(motions, workspace, surface)
 
     def follow(self, waypoints: Waypoints) -> MotionReport:

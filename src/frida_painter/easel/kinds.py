@@ -58,9 +58,7 @@ class EaselKind:
     reach_from: "Callable[[Workspace, CanvasSize], tuple[Reach, Timing]] | None" = None
 
 
-# Names on which the processes agree: robots, cameras, files of a painting, and the state folder.
-# A real robot has a name like "xarm:192.168.1.10" or "gcode:/dev/ttyUSB0,homing=yes", its camera one like "opencv:0".
-# Code that only passes names on must load no driver and no numerical library.
+# Names on which the processes agree. Code that only passes names on must load no driver and no numerical library.
 
 JOURNAL = "journal"
 STOP_FILE = "stop"

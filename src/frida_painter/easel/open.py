@@ -1,7 +1,6 @@
 """Opens easels by name, and locks their machines: one robot, one process.
 
-A whole easel opens itself. A real robot stands with its camera in a workspace that a file describes. Both are found
-through entry points (registry.py). Process, stop, latch and lock are the same for all.
+A whole easel opens itself. A real robot stands with its camera in a workspace that a file describes.
 """
 
 import contextlib

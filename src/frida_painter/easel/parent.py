@@ -109,8 +109,7 @@ class EaselProcess:
         alive = kind is not None and (kind.simulated or kind.person)  # nothing of it moves by itself
         link.latch = Unlatched(known_as) if alive else latch_of(order.state, known_as, about["machines"])
         return Easel(
-            # Stops go over the separate line, and the easel's process watches the controller.
-            robot=make_remote("robot", link.call, stop=link.pulse.stop, alive_at=lambda: -math.inf),
+            robot=make_remote("robot", link.call, stop=link.pulse.stop),  # stops go over the separate line
             camera=make_remote("camera", link.call),
             operator=make_remote("operator", link.call),
             **{name: getattr(facts, name) for name in FACTS},

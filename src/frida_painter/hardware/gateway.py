@@ -12,7 +12,7 @@ from frida_painter.calibration import Calibration, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PoseMismatch, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.robot import MotionReport, Reach, Waypoints, Workspace
+from frida_painter.hardware.robot import Reach, Waypoints, Workspace
 from frida_painter.hardware.timing import TravelLimits
 
 # A batch is allowed as a whole, or nothing of it is sent. Nothing is clamped, and NaN fails every check.
@@ -203,9 +203,8 @@ class RobotGateway:
         The brush procedure, which measures that press, gives the floor of the workspace.
     last_motion: time of the last motion, seconds of the robot's clock
 
-    Every wait for a motion has a deadline. The guard in the easel's process gives up a driver (easel/guard.py), and
-    the link gives up that process (easel/connection.py); both raise RobotDisconnected. A person who paints by hand has
-    no deadline. Neither has the virtual studio if an experiment opens it without its own process.
+    Every wait for a motion has a deadline: the guard gives up a driver (easel/guard.py), and the link gives up the
+    easel's process (easel/connection.py). A person who paints by hand has none, nor has a studio in this process.
     """
 
     def __init__(self, easel: Easel, *, lowest: float | None = None) -> None:
@@ -240,7 +239,8 @@ class RobotGateway:
         self.check(batch)
         left_out = False
         for motion in batch:
-            report = self._report_done(self.easel.robot.follow(motion))
+            report = self.easel.robot.follow(motion)
+            self.last_motion = report.finished_at
             require_arrived(motion.label, report.reached, motion.position[-1])
             left_out |= report.left_out
         return left_out
@@ -252,18 +252,14 @@ class RobotGateway:
         2 mm outside the workspace.
         Raises RobotError and its subclasses.
         """
-        report = self._report_done(self.easel.robot.home())
-        workspace = self.easel.workspace
+        report, workspace = self.easel.robot.home(), self.easel.workspace
+        self.last_motion = report.finished_at
         inside = np.minimum(np.maximum(report.reached, workspace.lower), workspace.upper)  # NaN stays NaN
         require_arrived("home", report.reached, inside if workspace.home is None else np.array(workspace.home))
 
     def pose(self) -> NDArray[np.float64]:
         """Returns the position of the tip, [3] metres. Raises RobotError if the robot does not know it."""
         return self.easel.robot.pose()
-
-    def _report_done(self, report: MotionReport) -> MotionReport:
-        self.last_motion = report.finished_at
-        return report
 
 
 def require_arrived(

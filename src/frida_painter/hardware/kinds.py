@@ -18,9 +18,6 @@ from frida_painter.registry import install_command
 if TYPE_CHECKING:
     from frida_painter.hardware.robot import Camera, Point, Robot, Workspace
 
-
-# Names of machines, such as "xarm:192.168.1.10" or "gcode:/dev/ttyUSB0,homing=yes".
-
 Value = TypeVar("Value")
 Default = TypeVar("Default")
 

@@ -1,11 +1,10 @@
 """Presets of machines, and the layout of a machine's table during its setup.
 
 Presets are small TOML files that say what is known of a kind of machine before it is set up. The project brings presets
-in the folder `presets`. A person adds a preset as a file in the folder of `user_folder`, or names a file. A preset is
-data: no code of it is run.
+in the folder `presets`; a person adds a file in the folder of `user_folder`, or names one. No code of it is run.
 
-A layout is proposed from a preset, then corrected by a person's marks. Every layout is a whole workspace, so that it
-can be checked and drawn at any step. It is written as a workspace file (TOML).
+A layout is proposed from a preset, then corrected by a person's marks. Every layout is a whole workspace, which can be
+checked and drawn at any step.
 """
 
 import json

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.timing import AxisTiming, TravelLimits
 
-# Layout around the robot, in metres of its frame: canvas, paint wells, water, rag and bounds.
-
 Point = tuple[float, float, float]
 
 
@@ -91,9 +89,6 @@ class Workspace:
     def _turn(self) -> NDArray[np.float64]:
         cos, sin = np.cos(self.canvas_angle), np.sin(self.canvas_angle)
         return np.array([[cos, sin], [-sin, cos]])
-
-
-# Reach of a robot whose arm does not get to every point of its workspace.
 
 
 @runtime_checkable

@@ -44,10 +44,9 @@ def order(spec: RunSpec, brushes: Sequence[str], folder: Path | None, state: Pat
 
 
 def needed_calibrations(spec: RunSpec) -> tuple[str, ...]:
-    """Returns the calibration procedures that painting needs.
+    """Returns the calibration procedures that painting needs; by hand only one.
 
-    Painting by hand needs only the canvas procedure. Without a camera, none is needed: the workspace tells where the
-    canvas is, and the heights of the lightest touch and the hardest press.
+    Without a camera, none is needed: the workspace tells where the canvas is, and the heights of the brush.
     """
     if not spec.has_camera:
         return ()
@@ -55,10 +54,7 @@ def needed_calibrations(spec: RunSpec) -> tuple[str, ...]:
 
 
 def with_operator(easel: Easel, spec: RunSpec, answer: Callable[[Question], Answer] | None) -> Easel:
-    """Returns a real easel with its person, as operator or as painter, who answers questions.
-
-    A simulated one unchanged.
-    """
+    """Returns a real easel with its person, as operator or painter, who answers questions; a simulated one as it is."""
     if easel.simulated or answer is None:
         return easel
     if not spec.by_hand:

@@ -1,7 +1,6 @@
 """Outlines traced in the air: the edges of the canvas and of the painting, for a person who watches the brush.
 
-The tip goes round both at the workspace's hover height above the canvas. The motions pass the same checks as those of
-a painting.
+The tip goes round both at the workspace's hover height above the canvas.
 """
 
 import itertools

@@ -55,11 +55,10 @@ def surface(easel: Easel, *, points: int = POINTS, felt: bool = True) -> Procedu
         raise ConfigError(f"{points} points along each side were wanted; there are 2 to 9.")
     feeler = easel.robot if felt and isinstance(easel.robot, TouchProbe) else None
     sense = feeler.feels() if feeler is not None else None
-    if sense is not None and not (
+    if sense is None or not (
         yield Confirm(f"{HOW_IT_FEELS[sense]} Shall it touch the canvas? (n: you lower it at each point)")
     ):
-        sense = None
-    feeler = feeler if sense is not None else None
+        feeler = sense = None
     across, up = (_spread(side, points) for side in (easel.canvas.width, easel.canvas.height))
     found: dict[Place, float] = {}
     if sense == "force":

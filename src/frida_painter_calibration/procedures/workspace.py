@@ -52,8 +52,8 @@ class Bench:
 
     def within_box(self) -> Easel:
         """Returns the easel in the present layout, with the whole box of the machine as its bounds."""
-        workcell = self.layout.workcell()
-        box = replace(workcell.workspace, lower=self.layout.workspace.lower, upper=self.layout.workspace.upper)
+        workcell, whole = self.layout.workcell(), self.layout.workspace
+        box = replace(workcell.workspace, lower=whole.lower, upper=whole.upper)
         known = replace(
             self.easel.calibration,
             touch_height=self.layout.touch,
