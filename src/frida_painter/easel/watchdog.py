@@ -14,13 +14,10 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from frida_painter.hardware.deadline import asleep, one_line, steady
 from frida_painter.hardware.robot import StopLine
-
-if TYPE_CHECKING:
-    from frida_painter.easel.guard import GuardedRobot
 
 # The rule of the watch, without clocks or processes: when to stop a robot.
 # A silent process may be dead or only slow. Therefore the rule ignores time in which the process could not send:
@@ -169,7 +166,7 @@ class Watch:
     """Watch on the painting process: stops the robot, from a separate thread, until `dismiss`.
 
     line: socket that carries the bytes above
-    robot: under guard; the painting process gets the news of its stop, and its line
+    robot: under guard (guard.GuardedRobot); the painting process gets the news of its stop, and its line
     process: painting process, for its use of processors
     patience: limits of the rule
     file: stop file, for which somebody must be able to look; None without
@@ -180,7 +177,7 @@ class Watch:
     def __init__(
         self,
         line: socket.socket,
-        robot: "GuardedRobot",
+        robot: Any,
         process: "CpuActivity",
         patience: Patience = MACHINE,
         file: "StopFile | None" = None,

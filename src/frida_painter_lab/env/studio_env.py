@@ -133,16 +133,14 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
 class _Episode:
     """One painting in a studio of its own.
 
-    studio: studio
     goal: bytes [rows, columns, 3]
     done: painted strokes
     observation: of the last look
     """
 
     def __init__(self, task: PaintingTask, goal: int, seed: int) -> None:
-        order = EaselOrder(
-            "virtual", task.size, (task.brush.name,), Path(tempfile.gettempdir()), simulation=SimulationOrder(seed)
-        )
+        seeded = SimulationOrder(seed)
+        order = EaselOrder("virtual", task.size, (task.brush.name,), Path(tempfile.gettempdir()), simulation=seeded)
         self.studio, easel = assemble_easel(order, FREE)
         easel.robot.connect()
         easel.camera.connect()
