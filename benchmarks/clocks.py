@@ -18,7 +18,7 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
-from frida_painter.planning.problem import PlanningProblem
+from frida_painter.planning.problem import ObjectiveForms, PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from frida_painter_lab.experiment import Experiment
@@ -74,7 +74,7 @@ def blank_problem(picture: Tensor, size: CanvasSize, rows: int, model: StrokeTab
     grid = PixelGrid.of_height(size, rows)
     objective = prepare(Goal((ImageTerm(picture),)), grid)
     canvas = torch.ones(3, grid.rows, grid.columns)
-    problem = PlanningProblem(canvas, size, model, objective, objective_on_rows=objective.on_rows)
+    problem = PlanningProblem(canvas, size, model, objective, ObjectiveForms(on_rows=objective.on_rows))
     return problem, images.fit(picture, grid.rows, grid.columns)
 
 

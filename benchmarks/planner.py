@@ -131,7 +131,7 @@ class Iteration(Benchmark):
         strokes, paints, problem, target = self.case
         count, repeats = (2, 1) if self.quick else (40, 5)
         if run["iteration"] in (OURS, ALL_ROWS):
-            seen = problem if run["iteration"] == OURS else replace(problem, objective_on_rows=None)
+            seen = problem if run["iteration"] == OURS else replace(problem, forms=replace(problem.forms, on_rows=None))
             work: Callable[[], object] = partial(optimize, strokes, seen, iterations=count, paints=paints)
             return Measurement({"CPU s": median_seconds(work, repeats) / count})
         network = PaperNetwork(problem.model.frame, weight_gradients=run["iteration"] == LEARNING)

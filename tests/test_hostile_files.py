@@ -25,7 +25,7 @@ from frida_painter.perception import flatfield
 from frida_painter.perception.color import read_palette
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
-from frida_painter.runs import look_folder, painting_folder
+from frida_painter.runs import look_folder, painting_folder, reopening
 from frida_painter.runs.goal_item import read_goal_file
 from frida_painter.runs.painting_easel import order
 from frida_painter.runs.painting_folder import RunRecord
@@ -94,7 +94,7 @@ def survive(variants: Iterator[Any], write: Callable[[Any], None], read: Callabl
 
 def resume(folder: Path) -> None:
     """Reads everything of a painting's folder that resuming reads before an easel is opened."""
-    found = painting_folder.reopen(folder, accept_changes=True, pace=0.0)
+    found = reopening.reopen(folder, accept_changes=True, pace=0.0)
     with contextlib.closing(found.journal):
         known = found.history
         resuming.light(known)

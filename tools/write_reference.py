@@ -1,8 +1,8 @@
-"""Writes the pages of reference that are made from the program itself, into docs/reference/: `make reference`.
+"""Writes what is made from the program itself: pages of docs/reference/, and types of settings: `make reference`.
 
 The command line is described by its own commands, the settings by the fields of RunSpec, the parts by the registry
-and the networks by their catalogue. The pages are checked in, so that people can read them in the repository;
-tests/docs fails if one of them is not what this program writes.
+and the networks by their catalogue. All of it is checked in, so that people can read it in the repository, and type
+checkers see a misspelt setting; tests/docs fails if a file is not what this program writes.
 """
 
 import inspect
@@ -15,6 +15,7 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Le, MaxLen
+from pydantic import BeforeValidator
 
 import frida_painter
 from frida_painter import registry, weights
@@ -26,11 +27,12 @@ from frida_painter.hardware.kinds import CameraKind, RobotKind
 from frida_painter.mixing.recipe import MixerKind
 from frida_painter.objectives.objective import GoalKind
 from frida_painter.planning.planner import PlannerKind
-from frida_painter.runs.spec import OF_PAINTINGS, RunSpec, about, help_of, usual_of
+from frida_painter.planning.settings import about, help_of, usual_of
+from frida_painter.runs.spec import OF_PAINTINGS, RunSpec
 from frida_painter.storage import megabytes
 from frida_painter_words.picture_makers.making import PictureMakerKind
 
-FOLDER = Path(__file__).parents[1] / "docs" / "reference"
+ROOT = Path(__file__).parents[1]
 MADE = "<!-- `make reference` writes this page from the program itself. Do not edit it. -->"
 _DIM = re.compile(r"\s*\[dim\](.*?)\[/(?:dim)?\]\s*")
 _STYLE = re.compile(r"\[/?(?:bold|dim|italic|cyan)?\]")
@@ -219,6 +221,24 @@ def python() -> str:
     ) + "\n"  # fmt: skip
 
 
+def setting_types() -> str:
+    """The settings by name, with the types that a person may give in Python, for type checkers."""
+    rows = []
+    for name, field in {**RunSpec.model_fields, "brush": RunSpec.model_fields["brushes"]}.items():
+        forms = [one.json_schema_input_type for one in field.metadata if isinstance(one, BeforeValidator)]
+        given = forms[0] if forms else field.annotation
+        written = given.__name__ if isinstance(given, type) else re.sub(r"\b(?:\w+\.)+(?=\w)", "", str(given))
+        rows.append(f"    {name}: {written}".replace("'", '"'))
+    head = (
+        '"""Settings of a painting by name, in the forms that Python takes; `make reference` writes this file."""\n\n'
+        "from collections.abc import Mapping, Sequence\nfrom pathlib import Path\n"
+        "from typing import Any, Literal, TypedDict\n\n"
+        "from frida_painter.canvas_size import CanvasSize\nfrom frida_painter.runs.goal_item import GoalItem\n\n"
+        "class Settings(TypedDict, total=False):\n"
+    )
+    return head + "\n".join(rows) + "\n"
+
+
 def _top() -> Iterator[tuple[str, Any]]:
     for entry in all_commands():
         yield entry.name, entry.load()
@@ -316,20 +336,21 @@ def _type(field: Any) -> str:
 
 
 def main() -> None:
-    """Writes the pages, or with --show prints them by their names, as JSON."""
+    """Writes the files, or with --show prints them by their names, as JSON."""
     if sys.argv[1:2] == ["--show"]:
         json.dump({name: made() for name, made in PAGES.items()}, sys.stdout)
         return
     for name, made in PAGES.items():
-        (FOLDER / name).write_text(made(), encoding="utf-8")
+        (ROOT / name).write_text(made(), encoding="utf-8")
 
 
 PAGES = {
-    "command-line.md": command_line,
-    "settings.md": settings,
-    "parts.md": parts,
-    "networks.md": networks,
-    "python.md": python,
+    "docs/reference/command-line.md": command_line,
+    "docs/reference/settings.md": settings,
+    "docs/reference/parts.md": parts,
+    "docs/reference/networks.md": networks,
+    "docs/reference/python.md": python,
+    "src/frida_painter/runs/setting_types.pyi": setting_types,
 }
 
 

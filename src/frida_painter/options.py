@@ -8,7 +8,8 @@ import typer
 
 from frida_painter import registry, storage
 from frida_painter.hardware.kinds import CameraKind
-from frida_painter.runs.spec import RunSpec, about, help_of
+from frida_painter.planning.settings import about, help_of
+from frida_painter.runs.spec import RunSpec
 
 _Number = TypeVar("_Number", int, float)
 
@@ -86,8 +87,7 @@ def listing_option(*declared: str, groups: tuple[str, ...], says: str, **more: A
 
 def setting_option(name: str, parser: Callable[[str], Any] | None = None) -> Any:
     """Returns an option for a setting of a painting, with its help and its default in words."""
-    field = RunSpec.model_fields[name]
-    more = about(field)
+    more = about(field := RunSpec.model_fields[name])
     return typer.Option(
         f"--{name.replace('_', '-')}",
         parser=parser,

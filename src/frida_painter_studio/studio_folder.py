@@ -22,7 +22,7 @@ from frida_painter.easel.kinds import JOURNAL, LIVE_PICTURE, STOP_FILE
 from frida_painter.errors import StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.objectives.objective import Gives, goal_kinds
-from frida_painter.runs.fields import AUTO, Focus, Ground, brush_shares, family_shares, limits_of
+from frida_painter.planning.fields import AUTO, Focus, Ground, brush_shares, family_shares, limits_of
 from frida_painter.runs.goal_item import Crop, GoalItem
 from frida_painter.runs.spec import RunSpec, without_former
 from frida_painter.session.events import Advanced, Event, events_of, record, time_of

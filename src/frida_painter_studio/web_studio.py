@@ -12,8 +12,8 @@ from frida_painter import registry, storage
 from frida_painter.easel.kinds import PAUSE_FILE
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
+from frida_painter.planning.fields import family_shares
 from frida_painter.registry import are_here
-from frida_painter.runs.fields import family_shares
 from frida_painter.session.events import Began
 from frida_painter_studio import commands, picture_choosing, studio_folder
 from frida_painter_studio.commands import Command, Reply, Role

@@ -33,10 +33,10 @@ from frida_painter.hardware.gcode import Gcode
 from frida_painter.mixing.recipe import volumes
 from frida_painter.perception.snapshot import find_corners
 from frida_painter.plan import Plan
+from frida_painter.planning.fields import family_shares
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
 from frida_painter.report.painters import PERSON, find_painters
-from frida_painter.runs.fields import family_shares
 from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun, RunOutcome

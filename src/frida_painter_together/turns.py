@@ -19,19 +19,25 @@ from torch import Tensor
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CameraError, ConfigError, PaintingPaused
 from frida_painter.hardware.easel import PersonCanvas, PersonStroke
-from frida_painter.palette import Palette
+from frida_painter.palette import Palette, from_hex
 from frida_painter.perception.frame_check import MARK, find_painted
+from frida_painter.plan import Plan
+from frida_painter.planning.mixable import make_mixable
+from frida_painter.planning.planner import Planner
 from frida_painter.session.events import PEN_LIMITS, PersonStrokeBegan, PersonStrokePainted, TimelapseFrame
 from frida_painter.session.executor import Desk
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS, CanvasObserver
 from frida_painter.session.open_loop import OpenLoopMonitor
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
+from frida_painter.strokes import Strokes
 from frida_painter_together.policies import take_turn
 
 if TYPE_CHECKING:
     from frida_painter.session.controls import Adapt
 
+_COLORS = ("#26262b", "#b23a2e", "#2f5f96", "#e3ab2f", "#f3efe4", "#3f7d4e", "#8a5636", "#7a4c8f")
+_APART = 5.0  # CIEDE2000 between two paints
 _YOUR_TURN = "It is your turn: paint what you like, then let the robot answer."
 _IDLE_TURNS = 3  # turns without any paint, after which nobody is asked again
 _FEWEST = 3  # strokes of an answer in a painting without a goal
@@ -39,6 +45,23 @@ _LARGE = 0.03  # share of the canvas; so much paint of a person always matters
 _COVERED = 0.15  # share of a person's paint; if planned strokes would cover so much of it, it matters
 _MARKED = 0.05  # mean change of a pixel, in sRGB, that a planned stroke makes
 _OUTLINE = (230, 60, 20)  # sRGB of the line around found paint
+
+
+def begin_together(planner: Planner, colors: int, mixed: Palette | None = None) -> Plan:
+    """Returns a plan without strokes, to which each answer to a person adds some.
+
+    colors: greatest number of paints: ink, red, blue, yellow, cream, green, brown and violet, in this order.
+    mixed: really mixed paints; None for those, as the paints of the planner mix them.
+    """
+    color = torch.stack([from_hex(each) for each in _COLORS[:colors]])
+    if planner.materials.paints is not None:
+        color = make_mixable(color, torch.ones(len(color)), planner.materials.paints, _APART).color
+    palette = mixed or Palette.sort_light_to_dark(color)
+    model, no_paint = planner.models[planner.kinds[0]], torch.zeros(0, dtype=torch.long)
+    limits = model.limits.within(planner.size)
+    return Plan.of(
+        Strokes.empty(), palette, no_paint, brush=model.brush, limits=limits, canvas=planner.size, ground=planner.ground
+    )
 
 
 # A stroke from the points of a pen, and its records. A pen may report 1,000 points a second. A stroke keeps only the

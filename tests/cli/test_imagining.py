@@ -12,7 +12,7 @@ from frida_painter import images
 from frida_painter.cli import imagining
 from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
-from frida_painter.runs.fields import limits_of
+from frida_painter.planning.fields import limits_of
 from frida_painter_words.picture_makers import making as picture_making
 from frida_painter_words.picture_makers.making import MadePicture, Making
 from support.commandline import Command

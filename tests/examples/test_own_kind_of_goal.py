@@ -47,7 +47,7 @@ def test_it_is_planned_for_alone_from_a_goal_file(mirror: None, tmp_path: Path) 
     goal = open_goal(wanted)
     assert wanted.goal == (GoalItem(kind="mirror", value="left-right", weight=2.0),) and picture_of(goal) is None
     assert wanted.goal_facts == (("Mirror image", "“Left-right” (weight 2)"),)
-    by = Planner(goal, plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.1), seed=0))
+    by = Planner(goal, *plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.1), seed=0))
     bare = torch.ones(3, 64, 85)
     bare[:, :, :40] = 0.4
     plan = by.plan(bare, 12, 3, lambda step: None)

@@ -9,6 +9,7 @@ import torch
 from frida_painter.planning.brushwork import along_brushwork, brushwork_cost
 from frida_painter.planning.initialize import best_proposals
 from frida_painter.planning.optimize import stacked_cost
+from frida_painter.planning.problem import StrokeWishes
 from frida_painter.strokes import Strokes
 from marks import SMALL
 from support.planning import CANVAS, problem, some_strokes, target
@@ -70,7 +71,7 @@ def test_where_the_direction_turns_strokes_bend_with_it_and_are_shorter() -> Non
 def test_placed_strokes_have_the_brushwork() -> None:
     def agreement(of: torch.Tensor | None) -> float:
         found = best_proposals(
-            Strokes.empty(), None, 12, replace(PROBLEM, brushwork=of), target(PROBLEM), 12,
+            Strokes.empty(), None, 12, replace(PROBLEM, wishes=StrokeWishes(brushwork=of)), target(PROBLEM), 12,
             generator=torch.Generator().manual_seed(0),
         )  # fmt: skip
         return float(torch.cos(2 * (found.strokes.angle - 1.2)).mean())
@@ -85,7 +86,7 @@ def test_strokes_in_the_brushwork_cost_less_and_free_ones_nothing() -> None:
     assert 0 < costs[0] < 0.3 * costs[1]
     assert float(brushwork_cost(before, field(0.7, 1.0, held=0.0), SMALL, CANVAS)) == 0
     assert float(brushwork_cost(Strokes.empty(), wanted, SMALL, CANVAS)) == 0
-    on, off = replace(PROBLEM, brushwork=wanted), PROBLEM
+    on, off = replace(PROBLEM, wishes=StrokeWishes(brushwork=wanted)), PROBLEM
     few = before[:6]
     whole = float(stacked_cost([few], [on])) / float(stacked_cost([few], [off]))
     assert whole == pytest.approx(1 + float(brushwork_cost(few, wanted, on.model, CANVAS)), rel=1e-4)

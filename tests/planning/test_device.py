@@ -32,7 +32,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
 from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders, RandomReader, random_hed_tensors, random_lite_tensors, random_vgg_tensors
-from support.planning import CANVAS, goal, picture, plain, small_table
+from support.planning import CANVAS, as_it_is, goal, picture, plain, small_table
 from tiny_clip import write_clip
 
 QUICK = Effort(2, 2, 4, relocations=1, refining=2, drawing=1, binding=2, settling=2, polishing=2, replanning=2)
@@ -43,7 +43,7 @@ LINES[:, 30:33, 10:70] = 0
 
 def planner(wanted: Goal, device: torch.device | None) -> Planner:
     return Planner(
-        wanted, plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=3), encoders=QuickEncoders(), device=device
+        wanted, *plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=3), encoders=QuickEncoders(), device=device
     )
 
 
@@ -60,7 +60,7 @@ def everything(by: Planner) -> tuple[Plan, Plan, Plan, torch.Tensor, float, Plac
     forbidden = torch.zeros(64, 85, dtype=torch.bool)
     forbidden[40:, 60:] = True
     clear = by.keeping_clear(Region(forbidden))
-    again = clear.towards(Goal((ImageTerm(1 - picture()),))).replan(plan.part(slice(4, 8)), after, unheard)
+    again = clear.towards(as_it_is(1 - picture())).replan(plan.part(slice(4, 8)), after, unheard)
     return plan, bound, again, by.expected(plan, BARE), by.validation_loss(after), known
 
 

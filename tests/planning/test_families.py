@@ -6,13 +6,14 @@ import torch
 from frida_painter.brush.kinds import FINE
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.errors import PlanError
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.goals import make_goal
 from frida_painter.stroke_family import CODE_REACH
 from frida_painter_calibration.teaching.families import FamilyRibbon
 from marks import coarse_table, ribbon, wave_family
+from support.planning import plain
 
 FAMILY = wave_family()
 
@@ -22,10 +23,11 @@ def planner(rows: int = 32, ink: tuple[float, float, float] = (0.1, 0.1, 0.1)) -
     taught = StrokeTable.of(FamilyRibbon(FINE.of_family(FAMILY)), detail=detail)
     goal = torch.ones(3, 48, 64)
     goal[:, 20:26, 8:56] = torch.tensor(ink)[:, None, None]
-    settings = PlannerSettings(
-        "16x12cm", [coarse_table(ribbon()), taught], strokes=8, colors=2, rows=rows, effort=0.05, focus="none", layers=2
-    )
-    return Planner(make_goal(goal).fit_to(48, 64), settings)
+    told = plain(
+        "16x12cm", [coarse_table(ribbon()), taught], Effort().scale(0.05), rows, strokes=8, colors=2, layers=2,
+        new_paints=True,
+    )  # fmt: skip
+    return Planner(make_goal(goal).fit_to(48, 64), *told)
 
 
 def test_a_plan_has_a_layer_of_the_family_and_a_replan_keeps_it():

@@ -13,8 +13,6 @@ from torch.nn.functional import avg_pool2d
 from frida_painter import images
 from frida_painter.brush.kinds import CoverageSpread
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
@@ -24,7 +22,7 @@ from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.render import composite
-from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes
+from support.planning import CANVAS, as_it_is, goal, plain, problem, small_table, some_strokes
 from support.plans import in_layers, made_up_plan
 
 
@@ -99,7 +97,7 @@ def test_of_a_finished_painting_it_is_its_similarity_by_areas(seed: int, contras
     """Of pictures with more detail than is planned in; another library's averages are the other side."""
     generator = torch.Generator().manual_seed(seed)
     wanted, seen = (0.5 + contrast * (torch.rand(3, 90, 120, generator=generator) - 0.5) for _ in range(2))
-    planner = Planner(Goal((ImageTerm(wanted),)), plain(CANVAS, small_table(), rows=30))
+    planner = Planner(as_it_is(wanted), *plain(CANVAS, small_table(), rows=30))
     limits, nothing = small_table().limits, torch.zeros(0, dtype=torch.long)
     empty = Plan.of(some_strokes(0), Palette(torch.zeros(1, 3)), nothing, canvas=CANVAS, brush="small", limits=limits)
     error = (avg_pool2d(wanted, 3) - avg_pool2d(seen, 3)).square().mean()
@@ -107,14 +105,14 @@ def test_of_a_finished_painting_it_is_its_similarity_by_areas(seed: int, contras
 
 
 def test_only_goals_with_a_photograph_have_one() -> None:
-    planner = Planner(goal(), plain(CANVAS, small_table(), rows=32, effort=Effort().scale(0.02)))
+    planner = Planner(goal(), *plain(CANVAS, small_table(), rows=32, effort=Effort().scale(0.02)))
     plan = planner.plan(strokes=3, colors=2)
     assert str(planner.forecast(plan, planner.bare)).count("dB expected") == 1
     wordy = SimpleNamespace(terms=(SimpleNamespace(is_pixelwise=False, picture=None),))
     assert forecast(wordy, [plan.strokes], [varying(0.3)]) is None
 
 
-PLANNER = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.1), seed=1, layers=2))
+PLANNER = Planner(goal(), *plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.1), seed=1, layers=2))
 BARE = torch.ones(3, 64, 64)
 
 

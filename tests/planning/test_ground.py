@@ -15,7 +15,7 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground
 from frida_painter.planning.planner import Planner
 from support.networks import QuickEncoders
-from support.planning import CANVAS, plain, small_table
+from support.planning import CANVAS, as_it_is, plain, small_table
 
 CHANNEL = st.floats(0, 1, width=32)
 
@@ -32,8 +32,8 @@ def test_grounds_are_white_the_mean_and_ever_darker_ones(left: tuple[float, ...]
 
 
 def planner(picture: torch.Tensor) -> Planner:
-    wanted = Goal((ImageTerm(picture),))
-    return Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.2)))
+    wanted = as_it_is(picture)
+    return Planner(wanted, *plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.2)))
 
 
 def test_a_dark_picture_is_painted_on_a_dark_ground_and_a_light_one_on_white() -> None:
@@ -56,7 +56,7 @@ def test_without_a_picture_a_person_names_the_ground(monkeypatch: pytest.MonkeyP
 
 
 def test_too_many_layers_are_refused_before_anything_is_tried() -> None:
-    by = Planner(Goal((ImageTerm(torch.zeros(3, 64, 85)),)), plain(CANVAS, small_table(), rows=64, layers=8))
+    by = Planner(as_it_is(torch.zeros(3, 64, 85)), *plain(CANVAS, small_table(), rows=64, layers=8))
     heard: list[object] = []
     with pytest.raises(ConfigError, match="layers"):
         proposed_ground(by, 6, 2, heard.append)
@@ -69,14 +69,14 @@ def test_around_things_the_commonest_colour_is_the_ground() -> None:
     picture[0, 20:60, 20:60], matters[20:60, 20:60] = 1.0, 4.0
     by = planner(picture)
     assert ground_around_things(by) == pytest.approx((0.8, 0.8, 0.8), abs=0.003), "it counts as a whole"
-    by = Planner(Goal((ImageTerm(picture, 1.0, matters / matters.mean()),)), plain(CANVAS, small_table(), rows=64))
+    by = Planner(as_it_is(picture, 1.0, matters / matters.mean()), *plain(CANVAS, small_table(), rows=64))
     assert ground_around_things(by) == pytest.approx((0.8, 0.8, 0.8), abs=0.003)
 
 
 def test_a_painting_that_begins_with_a_style_is_on_its_commonest_colour() -> None:
     picture = torch.full((3, 64, 85), 0.2)
     picture[2, :50] = 0.6
-    by = Planner(Goal((StyleTerm(picture),)), plain(CANVAS, small_table(), rows=64), encoders=QuickEncoders())
+    by = Planner(Goal((StyleTerm(picture),)), *plain(CANVAS, small_table(), rows=64), encoders=QuickEncoders())
     assert ground_around_things(by) == pytest.approx((0.2, 0.2, 0.6), abs=0.003)
 
 
@@ -84,12 +84,12 @@ def test_no_ground_is_darker_than_the_darkest_paint() -> None:
     black = torch.zeros(3, 64, 85)
     by = planner(black)
     assert max(proposed_ground(by, 4, 1)) == 0
-    by = Planner(by.goal, replace(by.settings, darkest=(0.2, 0.1, 0.1)))
+    by = Planner(by.goal, by.settings, replace(by.materials, darkest=(0.2, 0.1, 0.1)), by.effort)
     assert proposed_ground(by, 4, 1) == pytest.approx((0.2, 0.1, 0.1), abs=0.003)
     matters = torch.ones(64, 85)
     matters[20:60, 20:60] = 4.0
     by = Planner(
-        Goal((ImageTerm(black, 1.0, matters / matters.mean()),)),
-        plain(CANVAS, small_table(), rows=64, darkest=(0.2, 0.1, 0.1)),
+        as_it_is(black, 1.0, matters / matters.mean()),
+        *plain(CANVAS, small_table(), rows=64, darkest=(0.2, 0.1, 0.1)),
     )
     assert ground_around_things(by) == pytest.approx((0.2, 0.1, 0.1), abs=0.003)

@@ -19,7 +19,7 @@ BARE = torch.ones(3, 64, 85)
 
 
 def planner(layers: int | None = 2, wanted: Goal | None = None, effort: Effort = QUICK) -> Planner:
-    return Planner(wanted or goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=1, layers=layers))
+    return Planner(wanted or goal(), *plain(CANVAS, small_table(), rows=64, effort=effort, seed=1, layers=layers))
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +104,7 @@ def two_brushes(**settings: object) -> Planner:
     fine = copy.copy(small_table())
     fine.brush = "finer"
     models = [small_table(), fine]
-    return Planner(goal(), plain(CANVAS, models, rows=64, effort=QUICK, **{"layers": None, **settings}))  # type: ignore[arg-type]
+    return Planner(goal(), *plain(CANVAS, models, rows=64, effort=QUICK, **{"layers": None, **settings}))  # type: ignore[arg-type]
 
 
 def test_each_brush_paints_its_layer_in_paints_of_its_own() -> None:
@@ -149,10 +149,10 @@ def test_brushes_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ConfigError, match="3 shares of the strokes were given"):
         two_brushes(shares=(0.5, 0.3, 0.2))
     with pytest.raises(ConfigError, match="Two stroke models of one brush"):
-        Planner(goal(), plain(CANVAS, [small_table(), copy.copy(small_table())], rows=64))
+        Planner(goal(), *plain(CANVAS, [small_table(), copy.copy(small_table())], rows=64))
     with pytest.raises(ConfigError, match=r"Layer 2 gets 1\.0% of 20 strokes, which is not one stroke"):
         layer_sizes(20, (0.5, 0.01, 0.49))
     with pytest.raises(PlanError, match="The plan is for the brush 'small', and here are finer"):
         fine = copy.copy(small_table())
         fine.brush = "finer"
-        Planner(goal(), plain(CANVAS, fine, rows=64)).expected(planner(1).plan(BARE, 3, 2))
+        Planner(goal(), *plain(CANVAS, fine, rows=64)).expected(planner(1).plan(BARE, 3, 2))

@@ -85,8 +85,8 @@ def test_a_measured_black_is_a_black_that_can_be_mixed() -> None:
 
 
 def planner(picture: Tensor, **changed: object) -> Planner:
-    wanted = {"strokes": 40, "colors": 8, "rows": 64, "effort": 0.1, "focus": "none", "layers": 2, **changed}
-    return Planner(Goal((ImageTerm(picture),)), PlannerSettings("12x9cm", ("broad", "medium"), **wanted))
+    wanted = {"strokes": 40, "colors": 8, "render_height": 64, "effort": 0.1, "focus": "none", "layers": 2, **changed}
+    return Planner(Goal((ImageTerm(picture),)), PlannerSettings.of(canvas="12x9cm", brushes="broad,medium", **wanted))
 
 
 def blocks(*texts: str) -> Tensor:

@@ -14,7 +14,7 @@ from frida_painter.errors import PlanningDiverged
 from frida_painter.palette import to_lab
 from frida_painter.planning import optimize as adam_module
 from frida_painter.planning.optimize import Adam, Step, optimize, stacked_cost
-from frida_painter.planning.problem import PlanningProblem
+from frida_painter.planning.problem import ObjectiveForms, PlanningProblem, StrokeWishes
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from support.planning import CANVAS, problem, small_table, some_strokes
@@ -57,7 +57,7 @@ def area(strokes: Strokes) -> float:
 def test_where_paint_has_a_price_less_of_it_makes_nearly_the_same_picture() -> None:
     strokes = some_strokes(30)
     free, _ = optimize(strokes, PROBLEM, iterations=40)
-    priced, _ = optimize(strokes, replace(PROBLEM, paint_price=0.005), iterations=40)
+    priced, _ = optimize(strokes, replace(PROBLEM, wishes=StrokeWishes(paint_price=0.005)), iterations=40)
     assert area(priced) < 0.95 * area(free)
     assert judged(priced) < 1.15 * judged(free) < 0.6 * judged(strokes)
 
@@ -68,13 +68,13 @@ def test_the_price_of_paint_is_a_share_of_the_loss_whatever_its_size() -> None:
     for on in (PROBLEM, darker):
         with torch.no_grad():
             once, loss = stacked_cost([strokes], [on]), on.expected_loss(strokes)
-            priced = stacked_cost([strokes], [replace(on, paint_price=0.2)])
-            twice = stacked_cost([strokes], [replace(on, paint_price=0.4)])
+            priced = stacked_cost([strokes], [replace(on, wishes=StrokeWishes(paint_price=0.2))])
+            twice = stacked_cost([strokes], [replace(on, wishes=StrokeWishes(paint_price=0.4))])
         assert once == loss < priced
         assert float((twice - loss) / (priced - loss)) == pytest.approx(2.0, rel=1e-4)
         assert float(priced / loss) == pytest.approx(
             float(
-                stacked_cost([strokes], [replace(PROBLEM, paint_price=0.2)]).detach()
+                stacked_cost([strokes], [replace(PROBLEM, wishes=StrokeWishes(paint_price=0.2))]).detach()
                 / PROBLEM.expected_loss(strokes).detach()
             ),
             rel=1e-4,
@@ -126,7 +126,7 @@ def test_where_there_is_a_judge_it_says_which_strokes_were_best() -> None:
     before = PROBLEM.render(start)
     eager = replace(PROBLEM, objective=lambda picture: picture.mean())
     found, _ = optimize(
-        start, replace(eager, validation=lambda picture: (picture - before).square().mean()), iterations=20
+        start, replace(eager, forms=ObjectiveForms(lambda picture: (picture - before).square().mean())), iterations=20
     )
     torch.testing.assert_close(PROBLEM.render(found), before)
     unjudged, _ = optimize(start, eager, iterations=20)

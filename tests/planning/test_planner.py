@@ -22,7 +22,7 @@ from frida_painter.runs.goals import open_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
 from support.networks import NoEncoderRegistry, QuickEncoders
-from support.planning import CANVAS, goal, picture, plain, small_table
+from support.planning import CANVAS, as_it_is, goal, picture, plain, small_table
 from tiny_clip import write_clip
 
 QUICK = Effort().scale(0.1)
@@ -30,7 +30,7 @@ BARE = torch.ones(3, 64, 85)
 
 
 def planner(seed: int = 0, effort: Effort = QUICK, wanted: Goal | None = None) -> Planner:
-    return Planner(wanted or goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=seed))
+    return Planner(wanted or goal(), *plain(CANVAS, small_table(), rows=64, effort=effort, seed=seed))
 
 
 def planned(count: int = 24, colors: int = 4, seed: int = 0, effort: Effort = QUICK) -> Plan:
@@ -58,9 +58,9 @@ def test_exactly_so_many_strokes_and_no_more_paints(strokes: int, colors: int) -
 
 def test_no_paint_is_darker_than_the_darkest_one_and_the_forecast_knows() -> None:
     night = picture() * 0.3
-    free = planner(wanted=Goal((ImageTerm(night),)))
-    bound = Planner(free.goal, replace(free.settings, darkest=(0.2, 0.15, 0.1)))
-    assert bound.towards(goal()).darkest == pytest.approx(bound.darkest)
+    free = planner(wanted=as_it_is(night))
+    bound = Planner(free.goal, free.settings, replace(free.materials, darkest=(0.2, 0.15, 0.1)), free.effort)
+    assert bound.towards(goal()).materials is bound.materials
     plans = [by.plan(None, 24, 4) for by in (free, bound)]
     assert float(plans[0].palette.color.amin()) < 0.05
     darkest = torch.tensor([0.2, 0.15, 0.1])
@@ -74,7 +74,7 @@ def test_no_paint_is_darker_than_the_darkest_one_and_the_forecast_knows() -> Non
 def test_the_same_task_makes_the_same_plan_bit_for_bit_and_asks_no_network_about_pictures() -> None:
     seen, painted = BARE - 0.01 * torch.rand(BARE.shape, generator=torch.Generator().manual_seed(0)), BARE.clone()
     painted[:, :20] = 0.8
-    lonely = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=QUICK), encoders=NoEncoderRegistry())
+    lonely = Planner(goal(), *plain(CANVAS, small_table(), rows=64, effort=QUICK), encoders=NoEncoderRegistry())
     alike = planner().plan(None, 8, 3), lonely.plan(None, 8, 3), planner().plan(seen, 8, 3)
     others = planner().plan(painted, 8, 3), planner(seed=6).plan(None, 8, 3)
     assert len({plan.digest for plan in alike}) == 1 and len({plan.digest for plan in (alike[0], *others)}) == 3
@@ -133,7 +133,7 @@ def test_a_picture_that_is_not_finite_makes_no_plan() -> None:
     image = torch.ones(3, 60, 80)
     image[:, 20:30] = math.nan
     with pytest.raises((PlanningDiverged, RuntimeError)):
-        planner(wanted=Goal((ImageTerm(image),))).plan(BARE, 8, 3)
+        planner(wanted=as_it_is(image)).plan(BARE, 8, 3)
 
 
 def test_more_effort_is_more_iterations() -> None:
@@ -147,7 +147,7 @@ def test_more_effort_is_more_iterations() -> None:
 def test_a_style_changes_the_plan_and_is_come_nearer_to() -> None:
     effort = Effort().scale(0.1)
     wanted = Goal((ImageTerm(picture(120, 160)), StyleTerm(1 - picture(), 3.0)))
-    by = Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=effort, seed=0), encoders=QuickEncoders())
+    by = Planner(wanted, *plain(CANVAS, small_table(), rows=64, effort=effort, seed=0), encoders=QuickEncoders())
     alone = planned(16, 4, effort=effort)
     styled = by.plan(BARE, 16, 4)
     assert by.validation_loss(by.expected(styled, BARE)) < by.validation_loss(by.expected(alone, BARE))
@@ -160,7 +160,7 @@ def test_meaning_is_come_nearer_to_and_planning_again_never_leads_away() -> None
 
     def meaning(image: torch.Tensor) -> Planner:
         wanted = Goal((SemanticTerm(image),))
-        return Planner(wanted, plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=0), encoders=QuickEncoders())
+        return Planner(wanted, *plain(CANVAS, small_table(), rows=64, effort=QUICK, seed=0), encoders=QuickEncoders())
 
     by = meaning(picture(120, 160))
     plan = by.plan(BARE, 12, 3)

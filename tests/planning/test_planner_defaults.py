@@ -1,7 +1,7 @@
 """What a notebook leaves out is what a person who says nothing gets on the command line, and makes the same plan."""
 
 import sys
-from dataclasses import MISSING, fields
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -16,21 +16,19 @@ from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.materials import Materials
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.goals import make_goal
 from frida_painter.runs.run import PaintingRun
-from frida_painter.runs.settle import make_planner, planner_settings, wanted_ground
+from frida_painter.runs.settle import make_planner
 from frida_painter.runs.spec import RunSpec
 from frida_painter_words.text import TextTerm
 from marks import coarse_table
 from support.networks import QuickEncoders
 from support.planning import goal, picture, plain, small_table
 
-# The field of RunSpec for a setting: both have the same default, unless the description leaves it open (None).
-NAMES = {"size": "canvas", "model": "brushes", "rows": "render_height"}
-LEFT_OPEN = {"layers", "shares", "new_paints", "ground", "darkest"}
-NOT_DESCRIBED = {"region", "sharpness"}  # a person draws it in a pause; always the same
 QUICK = {"render_height": 64, "effort": 0.05}
 
 
@@ -49,40 +47,18 @@ def coarse_brushes(monkeypatch: pytest.MonkeyPatch) -> None:
     def table(model: StrokeModel) -> StrokeTable:
         return made.setdefault(model.brush, made.get(model.brush) or coarse_table(model))
 
-    for room in ("planning.planner", "runs.settle"):
-        monkeypatch.setattr(f"frida_painter.{room}.cached_table", table)
+    monkeypatch.setattr("frida_painter.planning.materials.cached_table", table)
 
 
-def require_alike(one: PlannerSettings, other: PlannerSettings) -> None:
-    """Every field of one is that of the other."""
-    for field in fields(PlannerSettings):
-        here, there = getattr(one, field.name), getattr(other, field.name)
-        if field.name == "model":
-            here, there = ([model.brush for model in models] for models in (here, there))
-        assert here == there, field.name
+def told(planner: Planner) -> dict[str, object]:
+    """All that a planner was told, but for the goal."""
+    settings = {name: getattr(planner.settings, name) for name in PlannerSettings.model_fields}
+    materials = {field.name: getattr(planner.materials, field.name) for field in fields(Materials)}
+    return settings | materials | {"models": planner.kinds, "paints": planner.materials.paints is None}
 
 
 def small(**settings: object) -> Planner:
-    return Planner(goal(), plain("12x9cm", small_table(), rows=64, effort=0.02, **settings))
-
-
-def test_every_default_of_a_planner_is_that_of_a_description() -> None:
-    described = RunSpec.model_fields
-    for field in fields(PlannerSettings):
-        name = NAMES.get(field.name, field.name)
-        if field.name in NOT_DESCRIBED:
-            assert name not in described
-        elif field.name == "shares":
-            assert field.default is None and RunSpec(brushes="broad").shares is None
-        elif field.name in LEFT_OPEN:
-            assert described[name].default is None, f"{name}: one that is said holds for all faces"
-        elif field.name in ("size", "model"):
-            assert field.default is MISSING and name in described, "each planner has its own"
-        else:
-            assert described[name].default == field.default, name
-    assert {NAMES.get(field.name, field.name) for field in fields(PlannerSettings)} - NOT_DESCRIBED - {"shares"} <= set(
-        described
-    ), "whatever is new is described"
+    return Planner(goal(), *plain("12x9cm", small_table(), rows=64, effort=Effort().scale(0.02), **settings))
 
 
 @pytest.mark.parametrize("strokes", [20, 120, 300])
@@ -96,7 +72,7 @@ def test_a_notebook_and_the_command_line_tell_a_planner_the_same(
         theirs = run.planner
     for asked in (str(photo), make_goal(photo), make_goal(images.load(photo))):
         mine = make_planner(asked, strokes=strokes, **QUICK, **more)
-        require_alike(mine.settings, theirs.settings)
+        assert told(mine) == told(theirs)
         assert mine.size == theirs.size and mine.fine == theirs.fine and mine.effort == theirs.effort
         for one, other in zip(mine.goal.terms, theirs.goal.terms, strict=True):
             assert isinstance(one, ImageTerm) and isinstance(other, ImageTerm) and torch.equal(one.image, other.image)
@@ -132,7 +108,7 @@ def test_what_is_usual_depends_on_the_kinds_of_a_goal_that_has_no_description(co
     words = Goal((TextTerm("a lemon"),))
     said = RunSpec.of(goal=[{"text": "a lemon"}], strokes=110)
     planner = make_planner(words, strokes=110, encoders=QuickEncoders(), **QUICK)
-    assert planner.brushes == said.brush_names == ("broad", "fine") and wanted_ground(said) == "scene"
+    assert planner.brushes == said.brush_names == ("broad", "fine") and said.wanted_ground == "scene"
     own = Goal((make_goal(objective=lambda seen: seen.mean()).terms[0],))
     assert str(make_planner(own, strokes=10, **QUICK).plan().canvas) == str(RunSpec().canvas)
 
@@ -140,8 +116,8 @@ def test_what_is_usual_depends_on_the_kinds_of_a_goal_that_has_no_description(co
 def test_stroke_models_of_one_s_own_take_the_place_of_the_brushes(coarse_brushes: None) -> None:
     settled = make_planner(goal(), strokes=120, ground="white", model=small_table(), **QUICK)
     assert settled.brushes == (small_table().brush,) and len(settled.layer_sizes(120)) == 2
-    told = planner_settings(RunSpec.of(goal=[{"image": "x.png"}], strokes=120, **QUICK), small_table())
-    assert told.shares is None and told.model is small_table()
+    told = Materials.of(RunSpec.of(goal=[{"image": "x.png"}], strokes=120, **QUICK), small_table())
+    assert told.shares is None and told.models == (small_table(),)
 
 
 def test_nothing_of_a_planner_changes_when_another_ground_is_asked_for() -> None:
@@ -149,11 +125,11 @@ def test_nothing_of_a_planner_changes_when_another_ground_is_asked_for() -> None
     toned = by.on_ground((0.5, 0.25, 0.125))
     assert by.ground == (1, 1, 1) and toned.ground == (0.5, 0.25, 0.125) == tuple(toned.bare[:, 0, 0].tolist())
     assert toned.goal is by.goal and toned.problems is by.problems and toned.towards(goal()).ground == toned.ground
-    for name in ("ground", "region", "darkest", "seed"):
+    for name in ("ground", "region", "seed"):
         with pytest.raises(AttributeError):
             setattr(by, name, None)
     with pytest.raises(AttributeError):
-        by.settings.ground = (0.0, 0.0, 0.0)  # type: ignore[misc]
+        by.materials.ground = (0.0, 0.0, 0.0)  # type: ignore[misc]
 
 
 def test_a_bare_canvas_is_planned_on_and_nobody_has_to_listen() -> None:

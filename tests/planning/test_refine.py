@@ -8,7 +8,7 @@ from frida_painter.palette import Palette, ciede2000, from_lab, to_lab
 from frida_painter.planning.effort import DRAWING, Effort
 from frida_painter.planning.layers import StepCount
 from frida_painter.planning.optimize import Step
-from frida_painter.planning.problem import PlanningProblem
+from frida_painter.planning.problem import PlanningProblem, StrokeWishes
 from frida_painter.planning.refine import (
     HARDLY_APART,
     bind_to_palette,
@@ -62,7 +62,7 @@ def test_the_loss_counts_by_how_much_each_place_matters() -> None:
     strokes = some_strokes(16, seed=5)
     matters = torch.zeros(PROBLEM.canvas.shape[1:])
     matters[:, : matters.shape[1] // 2] = 2
-    weighted = replace(PROBLEM, importance=matters)
+    weighted = replace(PROBLEM, wishes=StrokeWishes(importance=matters))
     with torch.no_grad():
         pictures = [PROBLEM.render(strokes), *(PROBLEM.render(without(strokes, index)) for index in range(16))]
     error = torch.stack([(matters * (TARGET - one).square()).sum() for one in pictures])

@@ -72,7 +72,7 @@ def test_gradient_descent_draws_strokes_out_of_it() -> None:
 
 def test_a_plan_made_again_keeps_clear_and_a_new_goal_keeps_the_region() -> None:
     effort = Effort().scale(0.05)
-    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=effort, seed=1))
+    planner = Planner(goal(), *plain(CANVAS, small_table(), rows=64, effort=effort, seed=1))
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
     plan = planner.plan(white, 12, 3)
     free, planner = planner, planner.keeping_clear(Region(LEFT))

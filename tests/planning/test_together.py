@@ -29,7 +29,7 @@ from frida_painter.planning.optimize import (
     take_turns,
 )
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import PlanningProblem, Region
+from frida_painter.planning.problem import ObjectiveForms, PlanningProblem, Region, StrokeWishes
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes import Strokes
 from frida_painter_calibration.teaching.bezier import BezierStroke
@@ -40,12 +40,12 @@ def varying(rows: int = 48) -> PlanningProblem:
     """A scene whose marks vary."""
     table = copy.copy(small_table())
     table.spread = CoverageSpread(0.5, 0.95)
-    return replace(problem(rows), model=table, paint_price=0.0003)
+    return replace(problem(rows), model=table, wishes=StrokeWishes(paint_price=0.0003))
 
 
 def planner(layers: int = 3, **more: object) -> Planner:
     facts = {"rows": 64, "effort": Effort().scale(0.1), "seed": 1, "new_paints": True, **more}
-    return Planner(goal(), plain(CANVAS, small_table(), layers=layers, **facts))
+    return Planner(goal(), *plain(CANVAS, small_table(), layers=layers, **facts))
 
 
 def cost(parts: Sequence[StrokesInScene]) -> float:
@@ -190,7 +190,7 @@ def slow_scene(lasts: int, calls: list[int]) -> PlanningProblem:
         return (picture.mean((1, 2), keepdim=True) - wanted).square().mean() + (picture - target(on)).abs().mean()
 
     objective = WeightedObjective([(1.0, ObjectiveTerm(slow, lasts=lasts))])
-    return replace(on, objective=objective, objective_on_rows=None, sparing=objective.sparing)
+    return replace(on, objective=objective, forms=ObjectiveForms(sparing=objective.sparing))
 
 
 @pytest.mark.parametrize("protected", [False, True], ids=["all free", "some protected"])
@@ -226,8 +226,8 @@ def test_the_turns_of_a_slow_term_begin_with_one_that_computes_it() -> None:
 @pytest.mark.parametrize("pace", [1.0, 0.5])
 def test_smooth_terms_are_computed_after_equal_ways_and_not_after_equal_times(pace: float) -> None:
     on = slow_scene(4, [])
-    assert on.sparing is not None
-    by_time = on.sparing()
+    assert on.forms.sparing is not None
+    by_time = on.forms.sparing()
     by_way = replace(by_time, smooth=True)
     assert find_renewals(80, by_time) == set(range(0, 80, 4))
     found = sorted(find_renewals(80, by_way, pace))
@@ -245,7 +245,8 @@ def by_rows(rows: int = 480, wanted: Goal | None = None) -> PlanningProblem:
     table.spread = CoverageSpread(0.5, 0.95)
     bare = problem(rows)
     judge = prepare(wanted or goal(), PixelGrid(CANVAS, *bare.canvas.shape[1:]))
-    return replace(bare, model=table, objective=judge, objective_on_rows=judge.on_rows, paint_price=0.0003)
+    forms, wishes = ObjectiveForms(on_rows=judge.on_rows), StrokeWishes(paint_price=0.0003)
+    return replace(bare, model=table, objective=judge, forms=forms, wishes=wishes)
 
 
 def judged(strokes: Strokes, on: PlanningProblem) -> float:
@@ -270,7 +271,7 @@ def test_rows_are_as_far_apart_at_any_resolution_and_nearer_for_smaller_marks(
     judge = prepare(goal(), PixelGrid.of_height(PAPER, 32))
     for rows, count in turns.items():
         canvas = torch.empty(3, rows, 1)
-        on = PlanningProblem(canvas, PAPER, BezierStroke.typical(kind), judge, objective_on_rows=judge.on_rows)
+        on = PlanningProblem(canvas, PAPER, BezierStroke.typical(kind), judge, ObjectiveForms(on_rows=judge.on_rows))
         assert len(interlace_rows([on])) == count
 
 

@@ -12,8 +12,6 @@ from frida_painter import images
 from frida_painter.calibration import WetPaint
 from frida_painter.errors import CalibrationError, PlanError
 from frida_painter.frames import PixelGrid
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
@@ -29,7 +27,7 @@ from frida_painter.planning.wet_paint import (
 )
 from frida_painter.render.reference import bilinear
 from frida_painter.strokes import Strokes
-from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes
+from support.planning import CANVAS, as_it_is, goal, plain, problem, small_table, some_strokes
 
 WET = WetPaint(rate=20.0, share=0.2, drying=300.0)
 
@@ -221,7 +219,7 @@ def test_numbers_of_no_paint_are_refused(name: str) -> None:
 
 def test_the_planner_expects_and_forecasts_wet_paint() -> None:
     strokes, on = crossing()
-    planner = Planner(goal(), plain(CANVAS, small_table(), strokes=2, colors=2, rows=48))
+    planner = Planner(goal(), *plain(CANVAS, small_table(), strokes=2, colors=2, rows=48))
     facts = {"canvas": CANVAS, "brush": on.model.brush, "limits": on.limits}
     plan = Plan.of(strokes, Palette(strokes.color), torch.arange(2), **facts)
     dry, wet = planner.expected(plan), planner.expected(plan, wetness=Wetness(WET, (0.0, 5.0)))
@@ -237,8 +235,10 @@ def test_the_planner_expects_and_forecasts_wet_paint() -> None:
 def test_a_plan_that_is_settled_for_wet_paint_is_expected_to_be_nearer_to_its_picture() -> None:
     strokes, on = crossing()
     strokes = strokes.with_groups(color=torch.tensor([[0.1, 0.2, 0.6], [0.6, 0.6, 0.55]]))
-    wanted = Goal((ImageTerm(on.render(strokes)),))
-    planner = Planner(wanted, plain(CANVAS, small_table(), strokes=2, colors=2, rows=48, paints="any", new_paints=True))
+    wanted = as_it_is(on.render(strokes))
+    planner = Planner(
+        wanted, *plain(CANVAS, small_table(), strokes=2, colors=2, rows=48, paints="any", new_paints=True)
+    )
     facts = {"canvas": CANVAS, "brush": on.model.brush, "limits": on.limits}
     dark_first = Plan.of(strokes[:1], Palette(strokes.color[:1]), torch.zeros(1, dtype=torch.long), **facts)
     plan = dark_first.under(Plan.of(strokes[1:], Palette(strokes.color[1:]), torch.zeros(1, dtype=torch.long), **facts))

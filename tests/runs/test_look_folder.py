@@ -44,7 +44,7 @@ def told(folder: Path) -> PaintingState:
 
 @pytest.fixture
 def spec(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunSpec:
-    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
+    monkeypatch.setattr("frida_painter.planning.materials.cached_table", coarse_table)
     monkeypatch.chdir(tmp_path)
     Image.fromarray(data.coffee()).resize((140, 100)).save("coffee.png")
     return RunSpec.of(

@@ -206,7 +206,7 @@ def test_a_hundred_strokes_are_sent_as_planned_and_none_twice_after_a_kill(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Fault F1: the painting process is killed in mid-stroke."""
-    monkeypatch.setattr("frida_painter.runs.settle.cached_table", coarse_table)
+    monkeypatch.setattr("frida_painter.planning.materials.cached_table", coarse_table)
     monkeypatch.chdir(tmp_path)
     Image.new("RGB", (140, 100), (200, 180, 90)).save("goal.png")
     machine, plan, folder, asked = Machine(tmp_path), a_plan(), tmp_path / "it", list[str]()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from frida_painter.runs.settle import darkest_paint, replan_policy, wanted_ground
+from frida_painter.runs.settle import replan_policy
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import EvenlySpaced, EveryNth, looks_on_the_way
 from frida_painter.virtual.paint import BANDS, absorption_and_scattering, film_over, to_srgb
@@ -58,14 +58,14 @@ def test_a_policy_that_is_named_is_the_policy() -> None:
 def test_pictures_are_painted_on_a_toned_ground_where_nobody_has_to_tone_it(
     ground: str, values: dict[str, object]
 ) -> None:
-    assert wanted_ground(RunSpec.of(**{"goal": [{"image": "boat.png"}], **values})) == ground
+    assert RunSpec.of(**{"goal": [{"image": "boat.png"}], **values}).wanted_ground == ground
 
 
 def test_the_studio_knows_its_darkest_paint_and_others_are_told() -> None:
-    assert darkest_paint(RunSpec.of(robot="human")) is None
-    assert darkest_paint(RunSpec.of(robot="human", darkest="#332211")) == (51 / 255, 34 / 255, 17 / 255)
-    assert darkest_paint(RunSpec.of(darkest="#000000")) == (0, 0, 0)
-    of_studio = darkest_paint(RunSpec.of())
+    assert RunSpec.of(robot="human").darkest_paint is None
+    assert RunSpec.of(robot="human", darkest="#332211").darkest_paint == (51 / 255, 34 / 255, 17 / 255)
+    assert RunSpec.of(darkest="#000000").darkest_paint == (0, 0, 0)
+    of_studio = RunSpec.of().darkest_paint
     black = film(absorption_and_scattering(np.zeros(3)))
     assert of_studio == pytest.approx(tuple(to_srgb(black)), abs=0.002)
 

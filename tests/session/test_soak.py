@@ -92,7 +92,7 @@ def soak(folder: Path, strokes: int, replans: int, growth: float) -> None:
     model = coarse_table(load_stroke_model("fine"))
     # A goal that is begun with something else spares looking for better places, which takes most of the time.
     goal = Goal((ImageTerm(picture(120, 160)),), initial=(ImageTerm(picture(120, 160)),))
-    planner = Planner(goal, plain(CANVAS, model, rows=64, effort=EFFORT, seed=0))
+    planner = Planner(goal, *plain(CANVAS, model, rows=64, effort=EFFORT, seed=0))
     studio = open_studio(CANVAS, "fine", settings=SETTINGS, state=folder / "studio.diary")
     easel = studio.easel
     easel.robot.connect()

@@ -12,8 +12,6 @@ from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import WetPaint
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import Event, Planned, Scheduled
@@ -23,7 +21,7 @@ from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.studio import open_studio
-from support.planning import plain
+from support.planning import as_it_is, plain
 from support.session import SessionSetup
 from support.small_world import small_world
 
@@ -46,7 +44,7 @@ def paint(turned: bool, wet: WetPaint | None) -> tuple[WetPaint | None, float, f
     """
     model = cached_table(load_stroke_model("broad"))
     settings = plain(SIZE, model, rows=96, effort=Effort().scale(0.15), seed=1)
-    planner = Planner(Goal((ImageTerm(sky(turned)),)), settings)
+    planner = Planner(as_it_is(sky(turned)), *settings)
     heard: list[Event] = []
     easel = open_studio(SIZE, "broad", seed=1).easel
     easel = replace(easel, calibration=replace(easel.calibration, wet=wet))

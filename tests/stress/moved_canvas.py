@@ -162,10 +162,11 @@ class Painter:
         self._edge, self._ground, self._size, self._moves, self._seed = edge, ground, size, moves, seed
         picture = picture_with(edge, np.random.default_rng((seed, EDGES.index(edge))))
         self.plan = rough_plan(picture, size, ground, strokes, seed)
-        settings = PlannerSettings(
-            size, "broad", rows=128, effort=0.05, seed=seed, layers=1, new_paints=False, focus="none", sharpness=0.0
-        )
-        self._planner = Planner(Goal((ImageTerm(picture),)), settings)
+        settings = PlannerSettings.of(
+            canvas=size, brushes="broad", render_height=128, effort=0.05, seed=seed, layers=1, new_paints=False,
+            focus="none",
+        )  # fmt: skip
+        self._planner = Planner(Goal((ImageTerm(picture, wanted=picture),)), settings)
         self.studio = open_studio(size, "broad", seed=seed)
         self.studio.easel.robot.connect()
         self._cameras = [_camera(self.studio, spec, seed + number) for number, spec in enumerate(CAMERAS)]

@@ -16,8 +16,6 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
 from frida_painter.hardware.faults import PlacementError
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
@@ -30,7 +28,7 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from frida_painter_calibration.procedures.color import color
 from support import data
-from support.planning import plain
+from support.planning import as_it_is, plain
 
 CANVAS = CanvasSize(0.20, 0.16)
 # 4 millimetres to the upper right, and 2 degrees.
@@ -59,9 +57,7 @@ def paint_coffee(
     calibrated: whether the camera's colours are
     """
     model = cached_table(load_stroke_model(brush))
-    planner = Planner(
-        Goal((ImageTerm(coffee()),)), plain(CANVAS, model, rows=128, effort=Effort().scale(effort), seed=seed)
-    )
+    planner = Planner(as_it_is(coffee()), *plain(CANVAS, model, rows=128, effort=Effort().scale(effort), seed=seed))
     studio = open_studio(CANVAS, brush, seed=seed, settings=settings or StudioSettings(placement_error=OFF))
     easel = studio.easel
     easel.robot.connect()

@@ -8,14 +8,16 @@ import torch
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.table import StrokeTable, TableDetail
+from frida_painter.brush.weights import AnyBrush
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.palette import to_lab
+from frida_painter.planning.effort import Effort
+from frida_painter.planning.materials import Materials
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.strokes import Strokes
@@ -25,12 +27,21 @@ CANVAS = CanvasSize(0.12, 0.09)
 
 
 def plain(
-    size: CanvasSize | str, model: StrokeModel | str | Sequence[StrokeModel | str], **settings: Any
-) -> PlannerSettings:
-    """Settings of a planner that does one thing at a time, where these do not say otherwise."""
-    return PlannerSettings(
-        size, model, **{"layers": 1, "new_paints": False, "focus": "none", "sharpness": 0.0, **settings}
-    )
+    size: CanvasSize | str,
+    model: AnyBrush | Sequence[AnyBrush],
+    effort: Effort | None = None,
+    rows: int = 256,
+    **settings: Any,
+) -> tuple[PlannerSettings, Materials, Effort | None]:
+    """What a planner takes that does one thing at a time, where these do not say otherwise."""
+    chosen = PlannerSettings.of(canvas=size, **{"layers": 1, "new_paints": False, "focus": "none", **settings})
+    chosen = chosen.model_copy(update={"render_height": rows})  # fewer than people may have
+    return chosen, Materials.of(chosen, model), effort
+
+
+def as_it_is(picture: Tensor, weight: float = 1.0, importance: Tensor | None = None) -> Goal:
+    """A photograph that is not sharpened before it is planned."""
+    return Goal((ImageTerm(picture, weight, importance, picture),))
 
 
 @cache
@@ -50,7 +61,7 @@ def picture(rows: int = 64, columns: int = 86) -> Tensor:
 
 
 def goal() -> Goal:
-    return Goal((ImageTerm(picture(120, 160)),))
+    return as_it_is(picture(120, 160))
 
 
 def problem(rows: int = 48, dtype: torch.dtype = torch.float32) -> PlanningProblem:

@@ -10,8 +10,7 @@ from torch import Tensor
 from frida_painter.objectives import attention
 from frida_painter.objectives.attention import Face
 from frida_painter.perception import registration
-from frida_painter.planning import planner
-from frida_painter.runs import settle
+from frida_painter.planning import materials
 from frida_painter.session import open_loop, plan_keeper, resuming
 from frida_painter.virtual.camera import CameraSpec
 from marks import coarse_table
@@ -33,8 +32,7 @@ def small_world(photograph: tuple[int, int] = PHOTOGRAPH) -> Iterator[None]:
     init = CameraSpec.__init__
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(init, "__defaults__", (photograph, *init.__defaults__[1:]))
-        for user in (settle, planner):
-            patch.setattr(user, "cached_table", coarse_table)
+        patch.setattr(materials, "cached_table", coarse_table)
         for user in (open_loop, plan_keeper, resuming):
             patch.setattr(user, "PHOTOGRAPH_ROWS", ROWS)
         patch.setattr(registration, "_ROWS", REGISTRATION_ROWS)

@@ -14,8 +14,6 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PaintingPaused
 from frida_painter.hardware.faults import NO_FAULTS, Faults
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal
 from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
@@ -31,7 +29,7 @@ from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from support import data
-from support.planning import plain
+from support.planning import as_it_is, plain
 
 CANVAS = CanvasSize(0.12, 0.09)
 STROKES, REPLANS = 12, 2
@@ -51,9 +49,7 @@ class VirtualPainting:
         torch.set_num_threads(1)
         model = StrokeTable.of(load_stroke_model("fine"), detail=TableDetail((2, 2, 2), 8))
         coffee = torch.from_numpy(data.coffee().copy()).permute(2, 0, 1).float() / 255
-        planner = Planner(
-            Goal((ImageTerm(coffee),)), plain(CANVAS, model, rows=64, effort=Effort().scale(0.05), seed=seed)
-        )
+        planner = Planner(as_it_is(coffee), *plain(CANVAS, model, rows=64, effort=Effort().scale(0.05), seed=seed))
         world = cls(planner)
         plan = planner.plan
 

@@ -154,7 +154,7 @@ def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFold
 def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder) -> None:
     folder.painting.mkdir()
     table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
-    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
+    planner = Planner(goal(), *plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(white, 4, 1, lambda step: None)
     table.setup.session.planner = planner
@@ -182,7 +182,7 @@ def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder) -> 
 
 def _planned(table: Table) -> Plan:
     """A plan of six strokes by a planner of this table's session."""
-    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
+    planner = Planner(goal(), *plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
     table.setup.session.planner = planner
     return planner.plan(torch.ones(3, planner.fine.rows, planner.fine.columns), 6, 1, lambda step: None)
 

@@ -72,7 +72,7 @@ def after(stroke: int) -> Any:
 def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path: Path) -> None:
     folder = PaintingFolder(tmp_path)
     folder.live.mkdir()
-    planner = Planner(goal(), plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
+    planner = Planner(goal(), *plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(bare, STROKES, 1, lambda step: None)
 

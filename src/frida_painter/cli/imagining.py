@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from frida_painter import registry
 from frida_painter.cli.stop_signal import stop_on_signals
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError
-from frida_painter.runs.spec import GoalSettings, RunSpec, SettingSection, setting
+from frida_painter.planning.settings import SettingSection, setting
+from frida_painter.runs.spec import GoalSettings, RunSpec
 
 if TYPE_CHECKING:
     from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -61,7 +62,7 @@ def imagine_beginning(spec: RunSpec, given: Mapping[str, Any], *, asked: bool, p
     Raises MakingFailed, Interrupted after a signal, and the errors of `PaintingRun`, as far as they are known before.
     """
     names = [name for name in ImaginingSettings.model_fields if given.get(name) is not None]
-    wanted = ImaginingSettings.accept({name: given[name] for name in names})
+    wanted = ImaginingSettings.of(**{name: given[name] for name in names})
     maker = (named := wanted.imagine) or usual_maker(spec)
     if maker is None and names:
         raise ConfigError(

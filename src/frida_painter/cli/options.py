@@ -23,8 +23,9 @@ from frida_painter.cli.imagining import ImaginingSettings
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
 from frida_painter.options import any_number, camera_name, out_folder, whole_number
+from frida_painter.planning.settings import SettingSection, about, help_of, usual_of
 from frida_painter.registry import Later
-from frida_painter.runs.spec import OF_PLANS, GoalSettings, RunSpec, SettingSection, about, help_of, usual_of
+from frida_painter.runs.spec import OF_PLANS, GoalSettings, RunSpec
 
 if TYPE_CHECKING:
     from frida_painter.palette import Palette
@@ -263,7 +264,6 @@ def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None)
 
 
 # Help of a command with many options: one screen of those that people use, and all of them with --help-all.
-
 
 _OTHERS = ("text", "style", "sketch", "semantic", "out")
 """Options of the short help beside those of common settings."""

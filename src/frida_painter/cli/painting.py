@@ -235,8 +235,7 @@ def resume(
         stop = stack.enter_context(stop_on_signals())
         run.load_easel()  # loads in parallel with the planner
         ready_planner(run, stop)
-        asks = None if yes else answer_early(run)
-        stop.at_once = run.open_easel(hear_signals=True, answer=asks).robot.stop
+        stop.at_once = run.open_easel(hear_signals=True, answer=None if yes else answer_early(run)).robot.stop
         leader = stack.enter_context(
             Leader(run, stop, asked=not yes, repaint=repaint, started=started, propose=propose)
         )

@@ -80,7 +80,7 @@ class ImageTerm(PaintedTerm):
     """Term of a goal: reproduce a picture pixel by pixel.
 
     wanted [3, h, w]: picture that the planner compares with, so that the painting looks like `image`; None for
-    `image`
+    `image`, which is sharpened if the goal has no other terms
     """
 
     wanted: Tensor | None = None
@@ -123,10 +123,10 @@ class ImageTerm(PaintedTerm):
         Beside other terms, photographs stay unchanged, because the other terms set the edges.
         """
         photographs = [term for term in goal.terms if isinstance(term, cls)]
-        if context.sharpness == 0 or len(photographs) < len(goal.terms):
+        if len(photographs) < len(goal.terms):
             return goal
-        wanted = (fit_and_sharpen(one.image, context.sharpness, context.grid) for one in photographs)
-        return replace(goal, terms=tuple(map(lambda one, sharp: replace(one, wanted=sharp), photographs, wanted)))
+        sharp = (fit_and_sharpen(one.image, context.grid) if one.wanted is None else one.wanted for one in photographs)
+        return replace(goal, terms=tuple(map(lambda one, wanted: replace(one, wanted=wanted), photographs, sharp)))
 
 
 @dataclass(frozen=True)
@@ -181,12 +181,10 @@ def rise(importance: Tensor, times: float) -> Tensor:
 # Painting softens a picture: marks have soft edges and land beside their intended place, and the planner averages
 # colours if it is uncertain. So photographs are sharpened first by unsharp masking, as printers do.
 _SPREAD = 0.0037  # standard deviation of the blur, in metres on the canvas
+_SHARPNESS = 0.3  # increase of each pixel's difference from its surroundings
 
 
-def fit_and_sharpen(picture: Tensor, sharpness: float, grid: PixelGrid) -> Tensor:
-    """Returns a picture [3, h, w], fitted to the grid [3, H, W] and sharpened for planning.
-
-    sharpness: increase of each pixel's difference from its surroundings
-    """
+def fit_and_sharpen(picture: Tensor, grid: PixelGrid) -> Tensor:
+    """Returns a picture [3, h, w], fitted to the grid [3, H, W] and sharpened for planning."""
     fitted = images.fit(picture, grid.rows, grid.columns)
-    return (fitted + sharpness * (fitted - images.gaussian_blur(fitted, _SPREAD / grid.pitch[1]))).clamp(0, 1)
+    return (fitted + _SHARPNESS * (fitted - images.gaussian_blur(fitted, _SPREAD / grid.pitch[1]))).clamp(0, 1)

@@ -25,14 +25,14 @@ from frida_painter.objectives.objective import (
 _INSISTENCE = 4.0  # weight of a recognition that is worse than that of the beginning
 
 
-def interpret_goal(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int, sharpness: float = 0.0) -> Goal:
+def interpret_goal(goal: Goal, grid: PixelGrid, encoders: EncoderRegistry, seed: int) -> Goal:
     """Returns the goal after interpretation: each kind of term may change the other terms, in a fixed order.
 
     Sketches are drawn on their photographs. Words get a first picture. Pictures with a style term get the
     colours of the style. Pictures with a semantic term get importance maps. Photographs without other terms are
-    sharpened by `sharpness`. Raises WeightsError if a network is missing.
+    sharpened. Raises WeightsError if a network is missing.
     """
-    context = ObjectiveContext(grid, encoders, seed, sharpness=sharpness)
+    context = ObjectiveContext(grid, encoders, seed)
     kinds = {type(term) for term in (*goal.terms, *goal.initial)}
     for kind in sorted(kinds, key=lambda kind: (kind.interpretation_order, kind.__qualname__)):
         goal = kind.interpret(goal, context)

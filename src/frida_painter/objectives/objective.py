@@ -347,7 +347,6 @@ class ObjectiveContext:
     grid: pixel grid of the pictures
     encoders: available networks
     seed: seed of the run
-    sharpness: strength of the sharpening of photographs before planning
     in_style: True if a term of the goal is a style
     is_held: True if a term is compared pixel by pixel, so that others may be computed seldom
     shared: what terms of one goal have in common, by names that they agree on, such as a network's last sight
@@ -356,7 +355,6 @@ class ObjectiveContext:
     grid: PixelGrid
     encoders: EncoderRegistry
     seed: int
-    sharpness: float = 0.0
     in_style: bool = False
     is_held: bool = False
     shared: dict[str, Any] = field(default_factory=dict)

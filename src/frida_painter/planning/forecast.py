@@ -182,7 +182,8 @@ def fading_of(plan: Plan, canvas: Tensor, problems: PlanningProblems, grid: Pixe
             found.append(loss_of_paint(part, seen, wanted, torch.Generator().manual_seed(seed)))
             with torch.no_grad():
                 below = here.render(part)
-        matters = 1.0 if on[0].importance is None else on[0].importance
+        importance = on[0].wishes.importance
+        matters = 1.0 if importance is None else importance
         whole = float((matters * (below - guide).square()).sum())
         slope, square = (torch.cat(each).cpu() / max(whole, 1e-9) for each in zip(*found, strict=True))
         return Fading(slope, square)

@@ -43,19 +43,14 @@ def proposed_ground(
             "#c8a878."
         )
     planner.layer_sizes(strokes)  # raises before the trials start
-    settings = replace(
-        planner.settings,
-        model=[planner.models[kind] for kind in planner.kinds[:2]],
-        rows=min(_TRIAL_ROWS, planner.settings.rows),
-        effort=planner.effort.scale(_TRYING),
-        layers=None,
-        shares=None,
-        focus=EVERYWHERE,  # the term already has its importance map and its sharpness
-        sharpness=0.0,
-        ground=WHITE,
-    )
-    goal = Goal((ImageTerm(term.guide, importance=term.importance),))
-    trial = Planner(goal, settings, encoders=planner.encoders, device=planner.device)
+    rows = min(_TRIAL_ROWS, planner.settings.render_height)
+    settings = planner.settings.model_copy(update={"render_height": rows, "focus": EVERYWHERE})
+    few_models = planner.materials.models[:2]
+    materials = replace(planner.materials, models=few_models, layers=None, shares=None, ground=WHITE)
+    # the term already has its importance map, and is already sharpened
+    goal = Goal((ImageTerm(term.guide, importance=term.importance, wanted=term.guide),))
+    effort = planner.effort.scale(_TRYING)
+    trial = Planner(goal, settings, materials, effort, encoders=planner.encoders, device=planner.device)
     few = max(strokes // 2, min(strokes, _FEWEST))
 
     def expected_loss(ground: tuple[float, float, float]) -> float:
@@ -87,7 +82,8 @@ def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
 
 def _in_paint(picture: Tensor, planner: Planner) -> Tensor:
     """Returns the picture, sRGB [3, H, W], with no colour darker than the darkest paint."""
-    return picture if planner.darkest is None else torch.maximum(picture, torch.tensor(planner.darkest)[:, None, None])
+    darkest = planner.materials.darkest
+    return picture if darkest is None else torch.maximum(picture, torch.tensor(darkest)[:, None, None])
 
 
 def ground_around_things(planner: Planner) -> tuple[float, float, float]:

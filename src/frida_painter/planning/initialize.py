@@ -111,7 +111,8 @@ def weigh(
     wanted = _sample(target, place)  # [m, 3, cells]
     residual = wanted - _sample(under.picture, place)
     alpha = alpha[:, None]  # [m, 1, cells]
-    matters = torch.ones_like(alpha) if problem.importance is None else _sample(problem.importance[None], place)
+    importance = problem.wishes.importance
+    matters = torch.ones_like(alpha) if importance is None else _sample(importance[None], place)
     share = alpha * matters
     color = problem.in_paint((share * wanted).sum(2) / share.sum(2).clamp(min=1e-6))
     paint = None
@@ -282,14 +283,14 @@ def best_proposals(
     """
     under = layers(strokes, problem)
     error = (target - under.picture).square().sum(0)
-    if problem.importance is not None:
-        error = error * problem.importance
+    if problem.wishes.importance is not None:
+        error = error * problem.wishes.importance
     # The error is averaged over a neighbourhood of about a twentieth of the height.
     width = 2 * (error.shape[0] // 40) + 1
     error = functional.avg_pool2d(error[None, None], width, 1, width // 2, count_include_pad=False)[0, 0]
     candidates = propose(error, max(64, proposals * count), problem.limits, problem.size, generator)
-    if problem.brushwork is not None:
-        candidates = along_brushwork(candidates, problem.brushwork.to(error), problem.model, problem.size, generator)
+    if (wanted := problem.wishes.brushwork) is not None:
+        candidates = along_brushwork(candidates, wanted.to(error), problem.model, problem.size, generator)
     gain, candidates, paint = weigh(candidates, under, target, paints, problem)
     chosen = pick(candidates, gain, count, problem.model)
     if len(chosen) == 0:  # no stroke gains any more, but the rest must still be placed

@@ -15,7 +15,7 @@ from frida_painter.frames import PixelGrid
 from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step, StrokesInScene
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
-from frida_painter.planning.refine import HARDLY_APART, relocate, without_twins
+from frida_painter.planning.refine import HARDLY_APART, MOVED, relocate, without_twins
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.strokes import Strokes
 
@@ -89,6 +89,20 @@ def find_later_mixing(rest: Plan, new_paints: bool, *, fresh: bool) -> list[bool
     ]
 
 
+@dataclass(frozen=True)
+class Moves:
+    """Rounds in which strokes move to better places.
+
+    rounds: number of rounds.
+    generator: source of random places. None: strokes do not move to other places.
+    share: greatest share of each layer's strokes that moves in a round.
+    """
+
+    rounds: int = 0
+    generator: torch.Generator | None = None
+    share: float = MOVED
+
+
 def relocate_strokes(
     layers: Sequence[LayerAtWork],
     canvas: Tensor,
@@ -132,5 +146,5 @@ def beneath(
         added, through = (replace(on, canvas=picture).render(laid) for picture in (added, through))
     share = (through - added)[0].clamp(0, 1)  # [H, W]
     wanted = torch.where(share > _CLOSED, (target - added) / share.clamp(min=_CLOSED), problem.render(strokes))
-    matters = share.square() if problem.importance is None else share.square() * problem.importance
-    return replace(problem, importance=matters), wanted
+    matters = share.square() if problem.wishes.importance is None else share.square() * problem.wishes.importance
+    return replace(problem, wishes=replace(problem.wishes, importance=matters)), wanted

@@ -78,7 +78,7 @@ def interlace_rows(problems: list[PlanningProblem]) -> list[list[PlanningProblem
     There is one turn if all rows are needed. The distance of two rows is at most a 32nd of the height of the
     rectangle that holds the marks of a brush, or of the canvas if that is less. The smallest brush decides.
     """
-    if any(problem.objective_on_rows is None for problem in problems):
+    if any(problem.forms.on_rows is None for problem in problems):
         return [problems]
     apart = []
     for problem in problems:
@@ -90,8 +90,8 @@ def interlace_rows(problems: list[PlanningProblem]) -> list[list[PlanningProblem
         return [problems]
 
     def on_rows(problem: PlanningProblem, rows: Rows) -> PlanningProblem:
-        assert problem.objective_on_rows is not None
-        return replace(problem, objective=problem.objective_on_rows(rows), rows=rows)
+        assert problem.forms.on_rows is not None
+        return replace(problem, objective=problem.forms.on_rows(rows), rows=rows)
 
     turns = (Rows(every, first) for first in range(every))
     return [[on_rows(problem, rows) for problem in problems] for rows in turns]
@@ -107,7 +107,7 @@ def take_turns(
     If a term is slow, as those of networks are, some iterations compute it and the others use its gradient there
     (`find_renewals`); else the iterations between the first and the last one have rows of their own (`interlace_rows`).
     """
-    sparing = problems[0].sparing
+    sparing = problems[0].forms.sparing
     if sparing is None:
         turns = interlace_rows(problems)
         between = [(turns[number % len(turns)], len(turns) == 1) for number in range(1, iterations)]
@@ -176,7 +176,7 @@ def stacked_cost(
     the loss, because a decibel is worth as much in a dark picture as in a light one.
     """
     loss = stacked_loss(strokes, problems, objective)
-    if not any(problem.paint_price > 0 or problem.brushwork is not None for problem in problems):
+    if not any(problem.wishes.paint_price > 0 or problem.wishes.brushwork is not None for problem in problems):
         return loss
     return loss * (1 + sum(problem.stroke_cost(part) for part, problem in zip(strokes, problems, strict=True)))
 
@@ -275,8 +275,8 @@ def optimize_together(
     adam, best = Adam(leaves), _Best(leaves)
     waiting: list[_Reading] = []
     together = 1 if leaves[0].device.type == "cpu" else _READ_TOGETHER
-    validation = problems[0].validation
-    pause = _BETWEEN_VALIDATIONS * (2 if problems[0].sparing else 1)  # as long as some spared iterations
+    validation = problems[0].forms.validation
+    pause = _BETWEEN_VALIDATIONS * (2 if problems[0].forms.sparing else 1)  # as long as some spared iterations
     failures = 0
     changed: Tensor | None = None
     for iteration, (seen, is_comparable) in enumerate(take_turns(problems, iterations, pace)):

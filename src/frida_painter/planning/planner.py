@@ -5,7 +5,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any, Final
 
 import torch
@@ -13,13 +12,11 @@ from torch import Tensor
 
 from frida_painter import images, registry
 from frida_painter.brush.kinds import StrokeModel, kind_of
-from frida_painter.brush.table import cached_table
-from frida_painter.brush.weights import AnyBrush, load_stroke_model, weights_of
+from frida_painter.brush.weights import weights_of
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError, PluginError
 from frida_painter.frames import PixelGrid
 from frida_painter.images import AnyPicture, as_picture
-from frida_painter.mixing.recipe import PaintSet
 from frida_painter.objectives.attention import weight_by_focus
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.interpretation import interpret_goal, prepare
@@ -29,7 +26,8 @@ from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
 from frida_painter.planning.initialize import optimize_target, progressive
-from frida_painter.planning.layers import LayerAtWork, StepCount, at_the_end, find_later_mixing, relocate_strokes
+from frida_painter.planning.layers import LayerAtWork, Moves, StepCount, at_the_end, find_later_mixing, relocate_strokes
+from frida_painter.planning.materials import Materials
 from frida_painter.planning.mixable import MIXED_PAINTS, MixablePalette, make_mixable
 from frida_painter.planning.optimize import (
     PictureChange,
@@ -49,20 +47,7 @@ from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.planning.wet_paint import Wetness
 from frida_painter.provenance import describe_here, hash_code, identify
 
-
-def stroke_models(given: AnyBrush | Sequence[AnyBrush]) -> tuple[StrokeModel, ...]:
-    """Returns the stroke model of each layer, or one for all layers; a name or file gives the table of its model.
-
-    Raises WeightsError if a named model does not exist, ConfigError if two different models are of one kind.
-    """
-    several = given if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
-    named = {str(one): cached_table(load_stroke_model(one)) for one in several if isinstance(one, str | Path)}
-    models = tuple(named[str(one)] if isinstance(one, str | Path) else load_stroke_model(one) for one in several)
-    if len({id(one) for one in models}) > len(set(map(kind_of, models))):
-        raise ConfigError("Two stroke models of one brush were given; all layers of a brush have the same one.")
-    return models
-
-
+_NO_MOVES = Moves()
 _POLISHING_PACE = 0.5
 _ROUNDS_WHERE_A_LAYER_BEGINS = 3  # at least, unless the effort has fewer
 
@@ -70,14 +55,17 @@ _ROUNDS_WHERE_A_LAYER_BEGINS = 3  # at least, unless the effort has fewer
 class Planner:
     """Plans strokes towards one goal on one canvas (paper, Algorithm 1); a planner does not change.
 
+    settings: what a person set; a RunSpec as well.
+    materials: brushes, paints, ground and layers. None: those that the settings name.
+    effort: numbers of iterations. None: the usual ones, times the effort of the settings.
     encoders: networks that judge the goal. None: the fetched ones.
     device: device for planning. Arguments and results are on the CPU.
     In its methods `canvas` is a picture [3, H, W] of the canvas, and `notify` is called after every step.
-    Raises WeightsError if a network for the goal is missing, ConfigError if the numbers of layers, models and
-    shares differ.
+    Raises WeightsError if a network for the goal is missing, and the errors of `Materials.of`.
 
         >>> import frida_painter as fp
-        >>> settings = fp.PlannerSettings("12x9cm", "fine", strokes=10, colors=3, rows=64, focus="none", effort=0.1)
+        >>> small = {"canvas": "12x9cm", "brushes": "fine", "render_height": 64, "focus": "none", "effort": 0.1}
+        >>> settings = fp.PlannerSettings.of(strokes=10, colors=3, **small)
         >>> planner = fp.Planner(fp.make_goal("photo.jpg").fit_to(64, 85), settings)
         >>> plan = planner.plan()
         >>> picture = planner.expected(plan)
@@ -89,36 +77,26 @@ class Planner:
         self,
         goal: Goal,
         settings: PlannerSettings,
+        materials: Materials | None = None,
+        effort: Effort | None = None,
         *,
         encoders: EncoderRegistry | None = None,
         device: torch.device | None = None,
     ) -> None:
-        size, models = CanvasSize.of(settings.size), stroke_models(settings.model)
-        self.size: Final = size
-        self.models: Final[Mapping[str, StrokeModel]] = {kind_of(one): one for one in models}
-        self.kinds: Final = tuple(map(kind_of, models))  # of each layer, or one for all layers
-        layers, shares = settings.layers, settings.shares
-        if len(models) > 1 and layers not in (None, 1, len(models)):
-            raise ConfigError(f"{layers} layers and {len(models)} brushes were given; give one brush for each layer.")
-        if shares is not None and len(shares) != (len(models) if len(models) > 1 else layers or 1):
-            raise ConfigError(f"{len(shares)} shares of the strokes were given; give one for each layer.")
-        layers = len(models) if len(models) > 1 and layers == 1 else layers
-        spent = settings.effort if isinstance(settings.effort, Effort) else Effort().scale(settings.effort)
-        spent = spent if all(term.is_pixelwise for term in goal.terms) else spent.for_network_objectives()
-        ground, darkest = as_color(settings.ground), None if settings.darkest is None else as_color(settings.darkest)
-        paints = settings.paints
-        self.paints: Final = PaintSet.of(paints, darkest) if isinstance(paints, str) else paints
-        self.settings: Final = replace(
-            settings, size=size, model=models, effort=spent, layers=layers, ground=ground, darkest=darkest
-        )
-        self.effort: Final = spent
+        self.settings: Final = settings
+        self.materials: Final = materials or Materials.of(settings)
+        self.size: Final = settings.canvas
+        self.models: Final[Mapping[str, StrokeModel]] = {kind_of(one): one for one in self.materials.models}
+        self.kinds: Final = tuple(map(kind_of, self.materials.models))  # of each layer, or one for all layers
+        spent = effort or Effort().scale(settings.effort)
+        self.effort: Final = spent if all(term.is_pixelwise for term in goal.terms) else spent.for_network_objectives()
         find_planner(settings.planner)  # before anything is prepared for it
-        self.fine: Final = PixelGrid.of_height(size, settings.rows)
-        self.coarse: Final = PixelGrid.of_height(size, max(settings.rows // 2, 32))
+        self.fine: Final = PixelGrid.of_height(self.size, settings.render_height)
+        self.coarse: Final = PixelGrid.of_height(self.size, max(settings.render_height // 2, 32))
         self.encoders: Final = encoders or EncoderRegistry()
         self.device: Final = device or torch.device("cpu")
         seen = weight_by_focus(goal, settings.focus, self.encoders)
-        self.goal: Final = interpret_goal(seen, self.fine, self.encoders, settings.seed, settings.sharpness)
+        self.goal: Final = interpret_goal(seen, self.fine, self.encoders, settings.seed)
         near, begins = self.goal.to(self.device), self.goal.initial_terms is not self.goal.terms
         prepared = partial(prepare, encoders=self.encoders, seed=settings.seed, shared={})
         self.problems = PlanningProblems(
@@ -126,10 +104,10 @@ class Planner:
             objectives={grid: prepared(near, grid) for grid in (self.fine, self.coarse)},
             models={name: on_device(one, self.device) for name, one in self.models.items()},
             goal=self.goal,
-            size=size,
+            size=self.size,
             device=self.device,
-            region=settings.region,
-            darkest=darkest,
+            region=self.materials.region,
+            darkest=self.materials.darkest,
         )
 
     @property
@@ -140,26 +118,21 @@ class Planner:
     @property
     def ground(self) -> tuple[float, float, float]:
         """sRGB of the bare canvas."""
-        return as_color(self.settings.ground)
+        return self.materials.ground
 
     @property
     def region(self) -> Region | None:
         """Part of the canvas that strokes keep clear of."""
-        return self.settings.region
-
-    @property
-    def darkest(self) -> tuple[float, float, float] | None:
-        """sRGB of the darkest available paint; no stroke is planned darker. None: black."""
-        return self.problems.darkest
+        return self.materials.region
 
     def on_ground(self, ground: AnyColor) -> "Planner":
         """Returns the same planner for a bare canvas of this colour."""
-        return self._with(settings=replace(self.settings, ground=as_color(ground)))
+        return self._with(materials=replace(self.materials, ground=as_color(ground)))
 
     def keeping_clear(self, region: Region | None) -> "Planner":
         """Returns the same planner with this protected region."""
         return self._with(
-            settings=replace(self.settings, region=region), problems=replace(self.problems, region=region)
+            materials=replace(self.materials, region=region), problems=replace(self.problems, region=region)
         )
 
     def _with(self, **changed: Any) -> "Planner":
@@ -211,7 +184,7 @@ class Planner:
     def _plan_in_layers(self, task: "PlanningTask") -> Plan:
         canvas, strokes, colors, notify = task.canvas, task.strokes, task.colors, task.notify
         sizes = self.layer_sizes(strokes)
-        palettes = len(sizes) if self.settings.new_paints else 1
+        palettes = len(sizes) if self.settings.mixes_anew else 1
         if palettes * colors > MAX_COLORS:
             raise ConfigError(
                 f"{colors} paints for each of {palettes} layers were asked for; a plan has at most {MAX_COLORS}: give "
@@ -223,16 +196,17 @@ class Planner:
         layers: list[LayerAtWork] = []
         below = canvas
         for count, brush in zip(sizes, self.layer_kinds(strokes), strict=True):
-            wells = layers[0].paints if layers and not self.settings.new_paints else min(colors, count)
+            wells = layers[0].paints if layers and not self.settings.mixes_anew else min(colors, count)
             if layers:
                 with torch.no_grad():
                     below = self.problems.of(below, self.fine, layers[-1].kind).render(layers[-1].strokes).cpu()
             layers.append(self._grow(count, brush, below, wells, effort, generator, steps, layers))
-        if len(layers) > 1 and not self.settings.new_paints:
+        if len(layers) > 1 and not self.settings.mixes_anew:
             layers = [replace(layer, mixes=False) for layer in layers]
         rounds, last = self.effort.rounds_of(len(layers)), self.effort.polishing
-        parts = self._settle(layers, canvas, steps.begin, rounds, last, pace=_POLISHING_PACE, generator=generator)
-        mixes = [self.settings.new_paints or number == 0 for number in range(len(parts))]
+        moves = Moves(rounds, generator)
+        parts = self._settle(layers, canvas, steps.begin, last, moves, pace=_POLISHING_PACE)
+        mixes = [self.settings.mixes_anew or number == 0 for number in range(len(parts))]
         (first, *later), told = self._make_mixable(parts, range(1, len(parts) + 1), mixes, canvas, notify)
         for part in later:
             first = first.under(part)
@@ -254,7 +228,7 @@ class Planner:
 
         A palette that can be mixed stays as it is. If one changes, all layers are settled together once more.
         """
-        if self.paints is None:
+        if self.materials.paints is None:
             return list(parts), ()
         found: dict[tuple[float, ...], MixablePalette] = {}
         told: list[tuple[str, str]] = []
@@ -265,7 +239,7 @@ class Planner:
                 continue
             users = [other for other in parts if torch.equal(other.palette.color, color)]
             weight = torch.cat([other.paint for other in users]).bincount(minlength=len(color))
-            found[key] = make_mixable(color, weight, self.paints, HARDLY_APART)
+            found[key] = make_mixable(color, weight, self.materials.paints, HARDLY_APART)
             if found[key].changes:
                 told.append((f"{MIXED_PAINTS}, layer {number}", "; ".join(map(str, found[key].changes))))
         if not told:
@@ -281,7 +255,7 @@ class Planner:
             layers.append(layer)
         last, pace = self.effort.replanning, _POLISHING_PACE
         begin = StepCount(at_the_end(notify), last).begin
-        return self._settle(layers, canvas, begin, 0, last, pace=pace, change=change), tuple(told)
+        return self._settle(layers, canvas, begin, last, pace=pace, change=change), tuple(told)
 
     def _layer_of(self, part: Plan, first: int = 0, *, mixes: bool = False) -> LayerAtWork:
         """Returns the layer of a plan of one layer, on the device; `first` is the first paint for other places."""
@@ -331,29 +305,26 @@ class Planner:
         layers: Sequence[LayerAtWork],
         canvas: Tensor,
         begin: Callable[[int], Callable[[Step], None]],
-        rounds: int,
         polishing: int,
+        moves: Moves = _NO_MOVES,
         *,
         pace: float = 1.0,
-        share: float = MOVED,
-        generator: torch.Generator | None = None,
         change: PictureChange | None = None,
     ) -> list[Plan]:
         """Settles layers, each painted over the one before on a canvas picture, together, and returns their plans.
 
         begin: returns the callback that reports the next iterations.
-        rounds: number of rounds in which up to a `share` of each layer's strokes moves, and all descend.
         polishing: last iterations, on the fine grid, with steps of `pace` and a `change` as for `optimize_together`.
-        generator: source of random places. None: strokes do not move to other places.
+        moves: rounds before them, in which strokes move and all descend.
         """
         # For other goals than pictures and their meaning, the guide only served to start the plan.
         guided = self.goal.initial_terms is self.goal.terms or self.goal.initial_terms[0].importance is not None
         found = list(layers)
-        for number in range(rounds + 1):
-            last = number == rounds
+        for number in range(moves.rounds + 1):
+            last = number == moves.rounds
             grid, iterations = (self.fine, polishing) if last else (self.coarse, self.effort.settling)
-            if generator is not None and guided and not last:
-                found = relocate_strokes(found, canvas, self.problems, grid, share, generator)
+            if moves.generator is not None and guided and not last:
+                found = relocate_strokes(found, canvas, self.problems, grid, moves.share, moves.generator)
             parts = [
                 StrokesInScene(layer.strokes, self.problems.of(canvas, grid, layer.kind), layer.paints, layer.mixes)
                 for layer in found
@@ -394,7 +365,7 @@ class Planner:
                 paint = palette.nearest(part.strokes.color).to(self.device)
                 layer = replace(self._layer_of(part), paints=Paints(palette.color.to(self.device), paint))
                 begin = partial(steps.begin, below=[(plan.layers[0].kind, plan.strokes) for plan in done])
-                (part,) = self._settle([layer], below, begin, 0, self.effort.polishing, pace=_POLISHING_PACE)
+                (part,) = self._settle([layer], below, begin, self.effort.polishing, pace=_POLISHING_PACE)
             done.append(part)
             below = self.expected(part, below)
         return plan.with_parts(done)
@@ -446,7 +417,7 @@ class Planner:
             layers = self._at_work(rest, fresh=task.fresh)
             chance = torch.Generator().manual_seed(self.seed + len(rest)) if moving else None
             begin, last = StepCount(notify, rounds * effort.settling + effort.replanning).begin, effort.replanning
-            found = self._settle(layers, canvas, begin, rounds, last, share=share, generator=chance, change=change)
+            found = self._settle(layers, canvas, begin, last, Moves(rounds, chance, share), change=change)
             again = self._join(rest, found, [layer.mixes for layer in layers], canvas, notify, change)
             if self.cost(again, canvas, task.wetness) < cost:
                 return again
@@ -455,7 +426,7 @@ class Planner:
     def _at_work(self, rest: Plan, *, fresh: bool) -> list[LayerAtWork]:
         """Returns the layers of the rest, to be settled once more."""
         # A layer never goes back to a lighter paint, which would pick up dark paint that is still wet.
-        parts, mixed = rest.filled_layers(), find_later_mixing(rest, self.settings.new_paints, fresh=fresh)
+        parts, mixed = rest.filled_layers(), find_later_mixing(rest, self.settings.mixes_anew, fresh=fresh)
         lightest = [0 if fresh or number else int(part.paint.min()) for number, part in enumerate(parts)]
         each = zip(parts, lightest, mixed, strict=True)
         return [self._layer_of(part, first, mixes=mixes) for part, first, mixes in each]
@@ -495,10 +466,10 @@ class Planner:
         canvas, hear, count = as_picture(canvas), at_the_end(_heard(notify)), self.effort.replanning
         layers, begin = self._at_work(rest, fresh=not mixed), StepCount(hear, count).begin
         if not mixed and int(rest.layer[0]) == 0:
-            layers[0] = replace(layers[0], mixes=self.settings.new_paints or len(layers) == 1)
+            layers[0] = replace(layers[0], mixes=self.settings.mixes_anew or len(layers) == 1)
         change = self._wet_change(wetness)
         with FailureTolerance():
-            settled = self._settle(layers, canvas, begin, 0, count, pace=_POLISHING_PACE, change=change)
+            settled = self._settle(layers, canvas, begin, count, pace=_POLISHING_PACE, change=change)
             again = self._join(rest, settled, [layer.mixes for layer in layers], canvas, hear, change)
             timed = len(again) == len(rest)  # else the region took a stroke, and the times are those of other strokes
             if timed and self.cost(again, canvas, wetness) < self.cost(rest, canvas, wetness):
@@ -507,7 +478,7 @@ class Planner:
 
     def towards(self, goal: Goal) -> "Planner":
         """Returns a planner with the same settings for another goal."""
-        return Planner(goal, self.settings, encoders=self.encoders, device=self.device)
+        return Planner(goal, self.settings, self.materials, self.effort, encoders=self.encoders, device=self.device)
 
     def locate(self, painted: Plan, known: Placement, before: AnyPicture, seen: AnyPicture) -> Placement:
         """Returns the placement learned from the strokes just painted and pictures of the canvas before and after them.
@@ -555,7 +526,7 @@ class Planner:
         self, by: Callable[..., Tensor], plan: Plan, canvas: AnyPicture, wetness: Wetness | None = None
     ) -> float:
         strokes, problems = self.problems.stack(plan, as_picture(canvas), self.fine)
-        objective, change = problems[0].validation, self._change_by(wetness, plan)
+        objective, change = problems[0].forms.validation, self._change_by(wetness, plan)
         if change is not None:
             objective = shift_objective(objective or problems[0].objective, change)
         with torch.no_grad():
@@ -604,7 +575,7 @@ class Planner:
 
     def layer_sizes(self, strokes: int) -> tuple[int, ...]:
         """Returns the number of strokes of each layer. Raises ConfigError if a layer gets no stroke."""
-        layers, shares = self.settings.layers, self.settings.shares
+        layers, shares = self.materials.layers, self.materials.shares
         if layers is None:
             pictures = any(term.guide is not None for term in self.goal.initial_terms)
             layers = usual_layers(strokes, len(self.kinds)) if pictures else 1
@@ -622,7 +593,7 @@ class Planner:
 
     def iterations(self, strokes: int) -> int:
         """Number of iterations of a plan with this many strokes."""
-        return self.effort.planning(self.layer_sizes(strokes), new_paints=self.settings.new_paints)
+        return self.effort.planning(self.layer_sizes(strokes), new_paints=self.settings.mixes_anew)
 
 
 def _heard(notify: Callable[[Step], None] | None) -> Callable[[Step], None]:

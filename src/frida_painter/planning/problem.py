@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import TracebackType
 
 import torch
@@ -33,32 +33,51 @@ _NOISE = 0.03  # largest difference in sRGB between a photograph of a bare canva
 
 
 @dataclass(frozen=True)
-class PlanningProblem:
-    """Canvas picture [3, H, W] of `size` (blank or photographed), a brush and an objective.
+class ObjectiveForms:
+    """Other forms of an objective, for purposes for which it is random, too slow, or needs whole pictures.
 
-    validation: objective that compares plans if `objective` cannot, because it is random or could be fooled.
+    validation: objective that compares plans, because the objective is random or could be fooled. None: it compares.
+    on_rows: objective for pictures with some of the rows only. None: the objective needs whole pictures.
+    sparing: maker of the objective for one optimisation if some of its terms are slow. None: none is.
+    """
+
+    validation: CanvasLoss | None = None
+    on_rows: Callable[[Rows], CanvasLoss] | None = None
+    sparing: Callable[[], Sparing] | None = None
+
+
+@dataclass(frozen=True)
+class StrokeWishes:
+    """What is wanted of strokes themselves, beside the picture that they make.
+
     importance [H, W]: weight of errors when strokes are placed, with mean 1. None: the same everywhere.
     brushwork [6, H, W]: wanted marks of strokes (objectives/style_flow.py). None: any marks.
     paint_price: share by which the loss must fall for the paint of the brush's largest mark.
-
-    objective_on_rows: objective for pictures with some of the rows only. None: the objective needs whole pictures.
-    sparing: maker of the objective for one optimisation if some of its terms are slow. None: none is.
-    rows: rows of the canvas that are rendered and judged.
     darkest [3]: sRGB of the darkest available paint. None: black.
+    """
+
+    importance: Tensor | None = None
+    brushwork: Tensor | None = None
+    paint_price: float = 0.0
+    darkest: Tensor | None = None
+
+
+@dataclass(frozen=True)
+class PlanningProblem:
+    """Canvas picture [3, H, W] of `size` (blank or photographed), a brush and an objective.
+
+    forms: other forms of the objective.
+    wishes: what is wanted of the strokes themselves.
+    rows: rows of the canvas that are rendered and judged.
     """
 
     canvas: Tensor
     size: CanvasSize
     model: StrokeModel
     objective: CanvasLoss
-    validation: CanvasLoss | None = None
-    importance: Tensor | None = None
-    brushwork: Tensor | None = None
-    paint_price: float = 0.0
-    objective_on_rows: Callable[[Rows], CanvasLoss] | None = None
-    sparing: Callable[[], Sparing] | None = None
+    forms: ObjectiveForms = field(default_factory=ObjectiveForms)
+    wishes: StrokeWishes = field(default_factory=StrokeWishes)
     rows: Rows = ALL_ROWS
-    darkest: Tensor | None = None
 
     @property
     def limits(self) -> StrokeLimits:
@@ -67,7 +86,8 @@ class PlanningProblem:
 
     def in_paint(self, color: Tensor) -> Tensor:
         """Returns the nearest colour [..., 3] that paint can have: no channel is below that of the darkest paint."""
-        return color.clamp(0, 1) if self.darkest is None else torch.maximum(color.clamp(max=1), self.darkest)
+        darkest = self.wishes.darkest
+        return color.clamp(0, 1) if darkest is None else torch.maximum(color.clamp(max=1), darkest)
 
     def marks(self, strokes: Strokes) -> Marks:
         """Returns the marks of strokes, on the rendered rows."""
@@ -97,8 +117,9 @@ class PlanningProblem:
         """Returns the price of the strokes' paint and of unwanted marks, as a share of the loss."""
         family = self.model.limits.family
         longest = self.model.limits.length[1] * (1.0 if family is None else family.way)
-        cost = self.paint_price * painted_area(strokes.way() / longest, strokes.thickness, 1.0).sum()
-        return cost if self.brushwork is None else cost + brushwork_cost(strokes, self.brushwork, self.model, self.size)
+        cost = self.wishes.paint_price * painted_area(strokes.way() / longest, strokes.thickness, 1.0).sum()
+        wanted = self.wishes.brushwork
+        return cost if wanted is None else cost + brushwork_cost(strokes, wanted, self.model, self.size)
 
 
 def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:
@@ -172,14 +193,13 @@ class Region:
         def guard_sparing(made: Sparing) -> Sparing:
             return replace(made, anew=guard(made.anew), between=guard(made.between))
 
-        some, make = problem.objective_on_rows, problem.sparing
-        return replace(
-            problem,
-            objective=guard(problem.objective),
-            validation=None if problem.validation is None else guard(problem.validation),
-            objective_on_rows=None if some is None else lambda rows: guard(some(rows), rows),
-            sparing=None if make is None else lambda: guard_sparing(make()),
+        judge, some, make = problem.forms.validation, problem.forms.on_rows, problem.forms.sparing
+        forms = ObjectiveForms(
+            None if judge is None else guard(judge),
+            None if some is None else lambda rows: guard(some(rows), rows),
+            None if make is None else lambda: guard_sparing(make()),
         )
+        return replace(problem, objective=guard(problem.objective), forms=forms)
 
     def find_touching(self, strokes: Strokes, model: StrokeModel, size: CanvasSize, rows: int) -> Tensor:
         """Returns True for each stroke with a rendered pixel in the region, [n], drawn alone in a picture of `rows`."""
@@ -296,13 +316,13 @@ class PlanningProblems:
             size=self.size,
             model=model,
             objective=objective,
-            validation=objective.validation,
-            importance=None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns),
-            brushwork=None if brushwork is None else brushwork.to(self.device),
-            paint_price=PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0,
-            objective_on_rows=objective.on_rows,
-            sparing=objective.sparing,
-            darkest=None if self.darkest is None else torch.tensor(self.darkest, device=self.device),
+            forms=ObjectiveForms(objective.validation, objective.on_rows, objective.sparing),
+            wishes=StrokeWishes(
+                importance=None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns),
+                brushwork=None if brushwork is None else brushwork.to(self.device),
+                paint_price=PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0,
+                darkest=None if self.darkest is None else torch.tensor(self.darkest, device=self.device),
+            ),
         )
         return problem if self.region is None else self.region.guard(problem)
 

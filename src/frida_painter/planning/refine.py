@@ -104,7 +104,7 @@ def loss_of_paint(
         (slope,) = torch.autograd.grad(picture, magnitude, direction, retain_graph=True)
         return -(slope * magnitude).sum((1, 2)).detach()
 
-    matters = torch.ones_like(target[0]) if problem.importance is None else problem.importance
+    matters = torch.ones_like(target[0]) if problem.wishes.importance is None else problem.wishes.importance
     signs = [torch.randint(0, 2, picture.shape, generator=generator).to(picture) * 2 - 1 for _ in range(_PROBES)]
     squared = torch.stack([along(sign * matters.sqrt()).square() for sign in signs]).mean(0)
     return -2 * along((matters * (target - picture)).detach()), squared

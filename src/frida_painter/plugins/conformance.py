@@ -341,8 +341,8 @@ def _try_exporter(kind: ExporterKind, given: _Given) -> None:
 
 
 def _try_planner(kind: PlannerKind, given: _Given) -> None:
-    chosen = PlannerSettings(
-        _CANVAS, "fine", strokes=_COUNT, colors=2, rows=_ROWS, effort=0.05, focus="none", sharpness=0.0, layers=1,
+    chosen = PlannerSettings.of(
+        canvas=_CANVAS, brushes="fine", strokes=_COUNT, colors=2, render_height=64, effort=0.05, focus="none", layers=1,
         planner=given.name,
     )  # fmt: skip
     planner = Planner(Goal((ImageTerm(_picture()),)), chosen)

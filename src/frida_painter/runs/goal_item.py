@@ -3,14 +3,17 @@
 import math
 import re
 import unicodedata
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.objectives.objective import Gives, goal_kinds
+from frida_painter.planning.fields import parse_field
 
 MAX_CHARACTERS = 10_000
 _MAX_BYTES = 2**20
@@ -224,3 +227,17 @@ def making_facts(*items: GoalItem) -> tuple[tuple[str, str], ...]:
             maker = ", ".join((record["maker"], *facts))
             found.append(("Made", f"{picture['file']} from “{record['words']}” by {maker}, seed {picture['seed']}"))
     return tuple(found)
+
+
+def _goal_items(value: Any) -> Any:
+    """Returns goal items from tables of a TOML file ({"text": "a lemon", "weight": 2}); others stay as they are."""
+    return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
+
+
+def _plain(items: tuple[GoalItem, ...], *, beginning: bool) -> tuple[GoalItem, ...]:
+    return tuple(parse_field(partial(GoalItem.plain, beginning=beginning), item) for item in items)
+
+
+_AsItems = BeforeValidator(_goal_items, json_schema_input_type=Sequence[GoalItem | Mapping[str, Any]])
+Items = Annotated[tuple[GoalItem, ...], _AsItems, AfterValidator(partial(_plain, beginning=False))]
+InitialItems = Annotated[tuple[GoalItem, ...], _AsItems, AfterValidator(partial(_plain, beginning=True))]

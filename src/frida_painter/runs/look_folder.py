@@ -6,8 +6,10 @@ painter takes it between two strokes, and then goes on to `looks/used` or `looks
 
 import contextlib
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +20,16 @@ from frida_painter.brush.weights import load_models_of
 from frida_painter.calibration import Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import JOURNAL
-from frida_painter.errors import ConfigError, StorageError
+from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, ImageError, StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.perception.snapshot import Snapshot, find_corners, read_snapshot
 from frida_painter.session import resuming
-from frida_painter.session.events import StrokeLeftOut, StrokePainted, events_of, time_of
+from frida_painter.session.events import Notify, Remark, StrokeLeftOut, StrokePainted, events_of, time_of
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.open_loop import bare_paper
+
+if TYPE_CHECKING:
+    from frida_painter.session.loop import PaintingSession
 
 LOOKS = "looks"
 USED, REFUSED = "used", "refused"
@@ -54,6 +59,19 @@ class GivenPicture:
         photograph = self.load()
         corners = self.corners or find_corners(photograph, canvas)
         return read_snapshot(photograph, corners, canvas, bare_paper(canvas, ground), expected)
+
+    def look(self, session: "PaintingSession", journal: Path) -> None:
+        """Takes the picture for a look at the canvas, and has the rest planned again.
+
+        Raises ConfigError before the first plan, FrameRejected and CalibrationError, with the reason, if it does not
+        show this canvas, and ImageError.
+        """
+        planner = session.planner
+        if session.open_loop is None or session.so_far is None:
+            raise ConfigError("Nothing is painted yet; give a picture when there is something to see on the canvas.")
+        done = self.count_strokes(journal, session.so_far.painted)
+        seen = self.read(planner.size, planner.ground, session.open_loop.expect(done))
+        session.open_loop.look_at(seen.canvas, done)
 
     def count_strokes(self, journal: Path, painted: int) -> int:
         """Returns the number of strokes on the canvas when the picture was taken, by its own date.
@@ -94,6 +112,18 @@ class LookFolder:
             if waiting:
                 return GivenPicture(waiting[0], _read_corners(waiting[0]))
         return None
+
+    def take(self, look: Callable[[GivenPicture], None], notify: Notify) -> None:
+        """Has a `look` taken at the picture that waits longest, if any; tells why it does not count."""
+        if (given := self.take_next()) is None:
+            return
+        try:
+            look(given)
+        except (ImageError, CalibrationError, FrameRejected) as refusal:
+            self.file_away(given, REFUSED)
+            notify(Remark(f"{given.path.name} does not count as a look. {refusal}"))
+        else:
+            self.file_away(given, USED)
 
     def put(self, picture: Path, corners: Corners | None) -> Path:
         """Copies a picture into the folder, with the corners that a person pointed at; returns the copy.

@@ -11,8 +11,7 @@ from frida_painter.easel.order import EaselOrder, SimulationOrder
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import PlacementError
 from frida_painter.registry import Later
-from frida_painter.runs.fields import millimetres_and_degrees
-from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.spec import RunSpec, millimetres_and_degrees
 from frida_painter.session.opening import NEEDED
 
 _paint_by_hand = Later("frida_painter.session.human:ByHand")

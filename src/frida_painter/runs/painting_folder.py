@@ -31,17 +31,14 @@ from frida_painter.brush.weights import weights_of
 from frida_painter.calibration import Calibration, WetPaint
 from frida_painter.easel.kinds import ARM_FILM, JOURNAL, SIMULATION_LOG
 from frida_painter.errors import ConfigError, FridaError, StorageError
-from frida_painter.event_log import missing
+from frida_painter.planning.fields import brush_file
 from frida_painter.planning.placement import Placement
 from frida_painter.report.film import SKETCHBOOK
-from frida_painter.runs.fields import brush_file
 from frida_painter.runs.goal_item import MAKING, making_file, read_goal_file, read_making
-from frida_painter.runs.spec import FILES, SETTLED, RunSpec, upgrade_record
-from frida_painter.session import resuming
+from frida_painter.runs.spec import FILES, RunSpec
 from frida_painter.session.fold import PaintingState
-from frida_painter.session.journal import PHOTOGRAPHS, Journal, placement_of
+from frida_painter.session.journal import PHOTOGRAPHS, Journal
 from frida_painter.session.progress import Painting
-from frida_painter.session.resuming import KeptPlan
 
 # Placement, touch heights and wet paint that a painting learned are kept in the calibration record for the next one.
 
@@ -105,6 +102,13 @@ def spec_beside(plan: Path) -> RunSpec:
         return read_spec(plan if plan.is_dir() else plan.parent)
     except ConfigError:
         return RunSpec.of()
+
+
+def history_of(folder: Path) -> PaintingState:
+    """Reads the history of a painting, then releases its journal. Raises StorageError."""
+    journal, history = Journal.reopen(folder)
+    journal.close()
+    return history
 
 
 def keep_goal(spec: RunSpec, folder: Path) -> None:
@@ -204,85 +208,6 @@ def content_hash(path: Path) -> str:
     return content.hexdigest()
 
 
-# Reopening: a painting is read from its folder and compared with its state at the beginning.
-
-
-@dataclass(frozen=True)
-class ReopenedPainting:
-    """Painting to be resumed.
-
-    spec: description from its folder.
-    journal: its journal, locked until it is closed.
-    history: state from the journal, which goes on with it.
-    plan: plan from the folder, None if the painting broke off before the first plan.
-    placement: learned placement, None if the calibration record has changed.
-    accept_changes: True if the painting goes on in spite of changes.
-    """
-
-    spec: RunSpec
-    journal: Journal
-    history: PaintingState
-    plan: KeptPlan | None
-    placement: Placement | None
-    accept_changes: bool
-
-
-def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainting:
-    """Opens the painting in a folder, and locks its journal. Raises StorageError, PlanError and ConfigError.
-
-    The ConfigError names all changes since the beginning, if they are not accepted.
-    """
-    journal, history = Journal.reopen(folder)
-    try:
-        spec = read_spec(folder) if not history.finished else RunSpec.of(**upgrade_record(history.settings))
-        plan = resuming.load_kept_plan(folder, history)
-        placement = None if plan is None else placement_of(plan.planning)
-        if not history.finished:
-            rests_on = input_hashes(spec, folder)
-            _require_unchanged(spec, folder, history, plan, rests_on, accept_changes=accept_changes)
-            if rests_on[CALIBRATION_RECORD] != history.rests_on.get(CALIBRATION_RECORD):
-                placement = None
-        spec = spec.with_values(pace=pace, **read_goal(folder / history.goal))
-    except BaseException:
-        journal.close()
-        raise
-    return ReopenedPainting(spec, journal, history, plan, placement, accept_changes)
-
-
-def history_of(folder: Path) -> PaintingState:
-    """Reads the history of a painting, then releases its journal. Raises StorageError."""
-    journal, history = Journal.reopen(folder)
-    journal.close()
-    return history
-
-
-def _require_unchanged(
-    spec: RunSpec,
-    folder: Path,
-    history: PaintingState,
-    plan: KeptPlan | None,
-    rests_on: dict[str, str],
-    *,
-    accept_changes: bool,
-) -> None:
-    """Raises ConfigError, with all changes, if there are changes that are not accepted or not possible."""
-    begun = RunSpec.of(**upgrade_record(history.settings)).record()
-    history.settings = begun
-    diary = missing(folder / SIMULATION_LOG, "the diary of a virtual studio") if spec.simulated else 0
-    rests_on = {name: found for name, found in rests_on.items() if name != CALIBRATION or name in history.rests_on}
-    changes = resuming.changes(folder, history, spec.record(), rests_on, plan, diary)
-    settled = [name for name in SETTLED if begun[name] != spec.record()[name]]
-    if not changes or (accept_changes and not settled):
-        return
-    told = "\n".join(f"  {line}" for line in changes)
-    remedy = (
-        f"{', '.join(settled)} cannot be changed any more; change it back in {folder / SETTINGS}."
-        if settled
-        else "Change it back, or go on with what is there now: --accept-changes"
-    )
-    raise ConfigError(f"Since this painting was begun, something was changed:\n{told}\n{remedy}")
-
-
 # Record of how a plan or a painting was made, and whether it can be made again here: `record.json` in its folder holds
 # the facts of provenance.py, the settings before anything was chosen, and the hashes of all input files, of the results
 # and of every file in the folder that the program wrote.
@@ -293,6 +218,7 @@ _PROMISED = "cpu"  # the device on which equal settings give equal bytes
 _MAX_TOLD = 12
 _GONE = "gone"
 _WEIGHTS = "weights of "
+_PLAN_GIVEN = "It was painted from a plan that was given; verify the folder of that plan."
 _UNFINISHED = "It was never finished, so there is nothing to compare with; finish it first."
 NO_RECORD = f"Its folder holds no {RECORD}: that was taken away, or an older version of the program kept none."
 _AS_LEFT = "Every file in its folder is as it was left."
@@ -367,13 +293,18 @@ class RunRecord:
     files: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def begin(cls, folder: Path, kind: str, spec: RunSpec, brushes: tuple[str, ...], device: str) -> "RunRecord":
+    def begin(
+        cls, folder: Path, kind: str, spec: RunSpec, brushes: tuple[str, ...], device: str, *, given: bool = False
+    ) -> "RunRecord":
         """Writes the record at the beginning, in a folder that has its goal. Raises StorageError.
 
         spec: description before anything was chosen
         brushes: names or files of the brushes
+        given: True if a plan was given, and is not made again
         """
-        obstacle = "" if spec.simulated else f"It was painted by {spec.robot}, and no program makes real paint again."
+        obstacle = _PLAN_GIVEN if given else ""
+        if not spec.simulated:
+            obstacle = f"It was painted by {spec.robot}, and no program makes real paint again."
         made = cls(
             folder, kind, provenance.describe_here(device), spec.record(), _hash_inputs(spec, brushes, folder), {},
             obstacle,
@@ -381,16 +312,20 @@ class RunRecord:
         made.save()
         return made
 
-    def finish(self, obstacle: str = "", before: Mapping[str, str] | None = None, **results: str) -> None:
+    def finish(
+        self, painted: PaintingState | None = None, before: Mapping[str, str] | None = None, **results: str
+    ) -> None:
         """Writes what came out, with the hashes of all files. Raises StorageError.
 
+        painted: final state of a painting, which tells whether a person led it; None for a plan.
         before: hashes of the files before some were made again. Files that are still the same keep their hashes of the
         record, so that a change of them is still noticed.
         """
         now, before = hash_files(self.folder), before or {}
         files = {name: known for name, known in self.files.items() if now.get(name) == before.get(name)}
         files |= {name: found for name, found in now.items() if found != before.get(name)}
-        replace(self, results=results, obstacle=self.obstacle or obstacle, files=files).save()
+        obstacle = self.obstacle or ("" if painted is None else _find_lead(painted))
+        replace(self, results=results, obstacle=obstacle, files=files).save()
 
     def save(self) -> None:
         """Writes the file. Raises StorageError."""
@@ -425,6 +360,14 @@ class RunRecord:
         changed = [told for name, told in compare_files(self.files, there).items() if name not in self.inputs]
         remark = NO_HASHES if self.results and not self.files else _AS_LEFT if self.obstacle and not changed else ""
         return RecordCheck(obstacle, tuple(found), files=tuple(changed), remark=remark)
+
+
+def _find_lead(painted: PaintingState) -> str:
+    """Returns why no program paints a painting again: it was resumed, or a person led it; "" if neither is true."""
+    if painted.runs > 1:
+        return "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
+    led = painted.pause or painted.goals or painted.person or painted.region or painted.given_up
+    return "A person led it, and no program does that again." if led else ""
 
 
 def compare_files(before: Mapping[str, str], now: Mapping[str, str]) -> dict[str, str]:

@@ -7,13 +7,12 @@ module connects planner, easel process, journal and recorder.
 import gc
 import json
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
-from functools import cached_property
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Literal, Self, Unpack
 
 import torch
 from torch import Tensor
@@ -32,15 +31,13 @@ from frida_painter.errors import (
     CalibrationError,
     CameraError,
     ConfigError,
-    FrameRejected,
     FridaError,
-    ImageError,
     Interrupted,
     PaintingPaused,
     RobotError,
     StorageError,
 )
-from frida_painter.hardware.easel import Easel, PersonStroke
+from frida_painter.hardware.easel import Easel
 from frida_painter.images import AnyPicture
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.palette import Palette
@@ -52,7 +49,6 @@ from frida_painter.planning.planner import Planner
 from frida_painter.registry import Later
 from frida_painter.report.film import SKETCHBOOK
 from frida_painter.report.recorder import Recorder
-from frida_painter.report.sheets import doubt
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_easel import needed_calibrations, order, with_operator
 from frida_painter.runs.painting_folder import (
@@ -61,7 +57,6 @@ from frida_painter.runs.painting_folder import (
     PAINTINGS,
     RECORD,
     SETTINGS,
-    ReopenedPainting,
     RunRecord,
     hash_files,
     hash_picture,
@@ -69,10 +64,9 @@ from frida_painter.runs.painting_folder import (
     keep_goal,
     keep_learned,
     new_folder,
-    reopen,
 )
+from frida_painter.runs.reopening import ReopenedPainting, reopen
 from frida_painter.runs.settle import (
-    begin_together,
     fit_canvas,
     name_families,
     open_planner,
@@ -90,17 +84,17 @@ from frida_painter.session.loop import Extent, PaintingSession
 from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
-from frida_painter.session.progress import Painting, ResumeState
+from frida_painter.session.progress import Painting
 from frida_painter.session.replan_policy import looks_on_the_way
 
 if TYPE_CHECKING:
-    from frida_painter.runs.look_folder import GivenPicture, LookFolder
+    from frida_painter.runs.look_folder import GivenPicture
+    from frida_painter.runs.setting_types import Settings
 
+_begin_together = Later("frida_painter_together.turns:begin_together")
 _open_looks = Later("frida_painter.runs.look_folder:LookFolder")
 
 _ROOM = 200 * 2**20  # bytes
-_LED = events.GoalChanged | events.Paused | events.PersonStrokePainted | events.RegionProtected | events.StrokeLeftOut
-"""Events of a painting that nobody can repeat."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +180,6 @@ class PaintingRun:
         self._seen: Tensor | None = None  # last photographed canvas
         self.session: PaintingSession | None = None
         self._run_record: RunRecord | None = None
-        self._led = ""  # why it cannot be made again, if a person led it
         self._before: dict[str, str] = {}  # hashes of the files of a finished painting
         self._results: dict[str, str] = {}  # hashes for the record; empty until it is finished
 
@@ -223,12 +216,12 @@ class PaintingRun:
         self._stack.__exit__(kind, error, trace)
         if self._run_record is not None and self._results:  # nobody writes into the folder any more
             with suppress(StorageError) if kind is not None else nullcontext():  # the first error matters more
-                self._run_record.finish(self._led, self._before, **self._results)
+                self._run_record.finish(self.painting, self._before, **self._results)
 
     @property
     def history(self) -> PaintingState | None:
         """State of a reopened painting, which goes on with it; None for a new one."""
-        return None if self._reopened is None else self._reopened.history
+        return None if self._reopened is None else self.painting
 
     @property
     def painting(self) -> PaintingState:
@@ -249,7 +242,7 @@ class PaintingRun:
         Raises WeightsError if a network is missing, and the errors of `heed`; then nothing is fixed.
         """
         if self._settled is None:
-            region = None if self._reopened is None else resuming.region(self.folder, self._reopened.history)
+            region = resuming.region(self._folder or PAINTINGS, self.painting)
             self._settled = settle(self._fitted, self._encoders, region=region, tell=self.tell, heed=self.heed)
         return self._settled[1]
 
@@ -283,16 +276,15 @@ class PaintingRun:
         planner.layer_sizes(self.spec.strokes)
         if paints:
             storage.require_space(self._folder or PAINTINGS, _ROOM, "this painting")
-            with ExitStack() as stack:
-                opened = open_easel(order(self.spec, planner.brushes, None, self._state))
-                stack.callback(opened.close)
+            with closing(open_easel(order(self.spec, planner.brushes, None, self._state))) as opened:
                 self._on_record(opened.easel)
 
     def plan(self, notify: Callable[[Step], None] = lambda step: None) -> Plan:
         """Returns a plan for a bare canvas on its ground; paints and writes nothing. Raises PlanError."""
         planner, spec = self.planner, self.spec
         if spec.together:
-            return begin_together(planner, spec.colors, self.mixed)
+            begun: Plan = _begin_together(planner, spec.colors, self.mixed)
+            return begun
         bare = planner.bare
         made = planner.plan(bare, spec.strokes, spec.colors, notify)
         return made if self.mixed is None else planner.bind_to_palette(made, bare, self.mixed, notify)
@@ -336,26 +328,28 @@ class PaintingRun:
         keep_goal(self.spec, self.folder)
         storage.write_text(self.folder / SETTINGS, json.dumps(self.spec.record(), indent=2) + "\n")
         self.easel.calibration.save(self.folder / CALIBRATION)
-        self._run_record = self.begin_record("painting")
-        self._led = "" if plan is None else "It was painted from a plan that was given; verify the folder of that plan."
+        self._run_record = self._begin_record("painting", given=plan is not None)
         self._journal = Journal.begin(self.folder, self.spec.record(), input_hashes(self.spec, self.folder))
         self._stack.callback(self._journal.close)
         recorder = self._stack.enter_context(self._recorder())
-        session, spec = self._open_session(self.easel), self.spec
-        first = plan or (self.plan() if spec.together else None)
-        return self._to_its_end(session, recorder, lambda: session.run(spec.strokes, spec.colors, first))
+        session = self._open_session(self.easel)
+        return self._to_its_end(session, recorder, lambda: self._paint_all(session, plan))
 
-    def begin_record(self, kind: Literal["painting", "plan"]) -> RunRecord:
+    def _paint_all(self, session: PaintingSession, plan: Plan | None = None) -> Painting:
+        first = plan or (self.plan() if self.spec.together else None)
+        return session.run(self.spec.strokes, self.spec.colors, first)
+
+    def _begin_record(self, kind: Literal["painting", "plan"], *, given: bool = False) -> RunRecord:
         """Writes the record of how this run is made into its folder, which holds its goal. Raises StorageError."""
         made = self._fitted.spec  # before brushes and ground were chosen, so that they are chosen again
-        return RunRecord.begin(self.folder, kind, made, self.spec.brush_names, self.planner.device.type)
+        return RunRecord.begin(self.folder, kind, made, self.spec.brush_names, self.planner.device.type, given=given)
 
     def plan_into(self, folder: str | Path, plan: Plan) -> None:
         """Writes a plan of this run into a folder, with its goal and the record of how it was made."""
         self._folder = folder = Path(folder)
         plan.save(folder / "plan.json")
         keep_goal(self.spec, folder)
-        self.begin_record("plan").finish(plan=plan.digest)
+        self._begin_record("plan").finish(plan=plan.digest)
 
     def simulate(self, plan: Plan | None = None, opener: Callable[[EaselOrder], OpenEasel] | None = None) -> Painting:
         """Paints on the simulated easel in this process and writes nothing: for experiments and sweeps.
@@ -370,16 +364,11 @@ class PaintingRun:
                 f"Only a new painting on a simulated easel is painted without a folder, and this one is for "
                 f"{self.spec.robot!r}; use start, or resume."
             )
-        opened = None
         try:
-            opened = (opener or open_easel)(order(self.spec, self.planner.brushes, None, self._state))
-            easel = connect_easel(self._on_record(opened.easel), None, self.tell)
-            session = self._open_session(easel)
-            first = plan or (self.plan() if self.spec.together else None)
-            return session.run(self.spec.strokes, self.spec.colors, first)
+            with closing((opener or open_easel)(order(self.spec, self.planner.brushes, None, self._state))) as opened:
+                easel = connect_easel(self._on_record(opened.easel), None, self.tell)
+                return self._paint_all(self._open_session(easel), plan)
         finally:
-            if opened is not None:
-                opened.close()
             gc.collect()  # the session and the studio refer to themselves: of many paintings, each would keep 60 MB
 
     def resume(self) -> RunOutcome:
@@ -392,112 +381,42 @@ class PaintingRun:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
         storage.clear_leftovers(self.folder, self.folder / SKETCHBOOK, self.folder / PHOTOGRAPHS)
         self._take_up_record()
-        if self._reopened.history.finished:
-            return self._conclude(self._make_results(self._reopened.history, self._reopened.plan))
+        if self.painting.finished:
+            return self._conclude(self._make_results(self._reopened.plan))
         if self._easel is None:
             self.open_easel()
-        history, kept = self._reopened.history, self._reopened.plan
-        recorder = self._recorder()
-        session = self._open_session(self.easel)
-        if (bare := resuming.bare_photograph(self.folder)) is not None:
-            session.observer.learn_good(bare, resuming.last_photograph(self.folder, history))
-        resuming.recall_brush(session.hand, history, self.controls.answer)
-        if (begun := history.person_in_doubt) is not None:
-            session.person.finish(PersonStroke.of(begun.stroke))
-        seen = history.person_seen  # the state goes on with the look
-        unseen = len(history.person) > seen  # of a person who painted in the pause that broke off
-        before, now = self._find_canvas(session, kept, unseen=unseen)
-        if history.person:
-            session.person.remember(history.person, seen, history.person_released)
-        doubtful, repaint = history.in_doubt is not None, False
-        if now is not None and kept is not None and (number := history.in_doubt) is not None:
-            painted = self.planner.expected(kept.plan.part(slice(number - 1, number)), now)
-            picture = doubt(kept.plan, number - 1, now, painted)
-            images.save(picture, self.folder / NOW)
-            repaint = self.controls.repaint(number, picture)
-        self._journal.record_resume(repaint=repaint)
+        recorder, session = self._recorder(), self._open_session(self.easel)
+        where = self._reopened.take_up(session, self.controls)
         self._stack.enter_context(recorder)
-        if kept is None or now is None:
-            first = self.plan() if self.spec.together else None
-            return self._to_its_end(session, recorder, lambda: session.run(self.spec.strokes, self.spec.colors, first))
-        if doubtful and not self.easel.has_camera:  # the answer may have changed what is on the canvas
-            before, now = self._expect_canvas(kept)
-        elif any(stroke >= kept.planning.done for stroke in history.left_out) and self.easel.has_camera:
-            before = None  # a stroke that was given up is there, in part or not at all: only this look tells
-        wet = history.wet(None if self.easel.simulated else datetime.now(UTC))
-        person = len(history.person), unseen, kept.planning.answers
-        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out, *person)
-        return self._to_its_end(session, recorder, lambda: session.resume(where))
-
-    def _find_canvas(
-        self, session: PaintingSession, kept: resuming.KeptPlan | None, *, unseen: bool
-    ) -> tuple[Tensor | None, Tensor | None]:
-        """Returns the canvas that the plan was made for, if it is known, and the canvas now; saves the latter.
-
-        Without a camera, both are taken to be as the journal tells; without a plan either, neither is known.
-        unseen: True if a person painted after the last look.
-        Raises FrameRejected if it has changed, and nobody accepts that.
-        """
-        assert self._reopened is not None
-        if not self.easel.has_camera:
-            if kept is None:
-                return None, None
-            before, now = self._expect_canvas(kept)
-            images.save(now, self.folder / NOW)
-            return before, now
-        now = session.look()
-        images.save(now, self.folder / NOW)
-        seen = resuming.load_seen_canvas(self.folder, kept, session.observer) if kept else None
-        if seen is None or unseen:
-            return seen, now
-        if self._reopened.accept_changes:
-            return None, now
-        try:
-            if kept is not None and (good := session.observer.good) is not None:
-                good.require_explained(now, resuming.expect_canvas(kept, self._reopened.history, self.planner, seen))
-        except FrameRejected as difference:
-            if self.controls.paint_on(str(difference), now):
-                return None, now
-            raise FrameRejected(
-                f"{difference} Look at {self.folder / NOW}; if it is to be painted on as it is, say --accept-changes"
-            ) from difference
-        return seen, now
-
-    def _expect_canvas(self, kept: resuming.KeptPlan) -> tuple[Tensor, Tensor]:
-        """Returns the canvas that the plan was made for, and the canvas now, as the journal tells them."""
-        assert self.history is not None
-        done, left_out = self.history.painted, self.history.left_out
-        return resuming.resume_open_loop(self.folder, kept, done, left_out, self.planner.models)
-
-    def _take_up_record(self) -> None:
-        """Reads the record of a reopened painting, if it has one; an older one without hashes of files stays."""
-        self._led = "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
-        if (self.folder / RECORD).exists():
-            known = RunRecord.load(self.folder)
-            if known.results:
-                self._led, self._before = "", hash_files(self.folder)
-            self._run_record = None if known.results and not known.files else known
+        return self._to_its_end(session, recorder, lambda: session.resume(where) if where else self._paint_all(session))
 
     def show_picture(self, canvas: AnyPicture) -> RunOutcome:
         """Makes the results of a finished painting again, with a person's picture of its canvas."""
         canvas = images.as_picture(canvas)
-        assert self._reopened is not None and self._reopened.history.finished
+        assert self._reopened is not None and self.painting.finished
         self._take_up_record()
-        history = self._reopened.history
-        self._journal.record_canvas(canvas, history.painted, seen=True)
+        self._journal.record_canvas(canvas, self.painting.painted, seen=True)
         images.save(canvas, self.folder / "painting.png")
-        return self._make_results(history, self._reopened.plan)
+        return self._make_results(self._reopened.plan)
 
-    def _make_results(self, history: PaintingState, kept: resuming.KeptPlan | None) -> RunOutcome:
+    def _take_up_record(self) -> None:
+        """Reads the record of a reopened painting, if it has one; an older one without hashes of files stays."""
+        if (self.folder / RECORD).exists():
+            known = RunRecord.load(self.folder)
+            self._before = hash_files(self.folder) if known.results else {}
+            self._run_record = None if known.results and not known.files else known
+
+    def _make_results(self, kept: resuming.KeptPlan | None) -> RunOutcome:
         """Makes picture, film, page and figures of a finished painting from its folder; nothing moves."""
         if kept is None:
             raise StorageError(f"{self.folder} holds no plan, and without it there is nothing to tell; bring it back.")
-        canvas = resuming.last_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
-        before = resuming.first_canvas(self.folder, history, self.spec.canvas, self.folder / CALIBRATION)
+        state, seen_by = self.painting, (self.spec.canvas, self.folder / CALIBRATION)
+        canvas = resuming.last_canvas(self.folder, state, *seen_by)
+        before = resuming.first_canvas(self.folder, state, *seen_by)
         with self._recorder() as recorder:
-            expected = self.planner.expected(kept.plan, self.planner.bare if before is None else before)
-            recorder.hear(events.Resumed(history.painted, plan=kept.plan, expected=expected))
-            painting = Painting(canvas, history.painted, None, history.robot_seconds)
+            expected = self.planner.expected(kept.plan, before)
+            recorder.hear(events.Resumed(state.painted, plan=kept.plan, expected=expected))
+            painting = Painting(canvas, state.painted, None, state.robot_seconds)
             if self._run_record is not None:
                 self._results = {"painting": hash_picture(canvas), **self._run_record.results}
             return RunOutcome(self.folder, painting, recorder.finish(painting))
@@ -525,8 +444,6 @@ class PaintingRun:
             self._seen = event.photograph
         elif isinstance(event, events.CanvasPicture):
             self._seen = event.canvas
-        elif isinstance(event, _LED):
-            self._led = self._led or "A person led it, and no program does that again."
         for keep in self.keepers:
             event = keep(event)
         self._journal.show(event)
@@ -554,11 +471,10 @@ class PaintingRun:
         learned = self._reopened.placement if self._reopened else None
         # A person's hand has no heights to correct.
         where = learned or Placement.unknown({} if spec.by_hand else easel.calibration.depths)
-        light = resuming.light(self.history) if self.history else None
         self.session = PaintingSession(
             planner,
             Hand(easel, first, where, others=tuple(others), drying=60 * spec.drying),
-            CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), light),
+            CanvasObserver(easel, CanvasStart(planner.ground, spec.on_canvas, paint_on), resuming.light(self.painting)),
             replan_policy(spec, planner.layer_sizes(spec.strokes)),
             notify=self.report,
             journal=self._journal,
@@ -566,8 +482,6 @@ class PaintingRun:
                 self.controls,
                 stop_asked=must_stop,
                 mixed=self.controls.mixed or (lambda wanted: self.mixed),
-                paint_on=paint_on,
-                given=self._take_given_picture,
             ),
             extent=Extent(
                 None if spec.minutes is None else 60 * spec.minutes,
@@ -575,6 +489,8 @@ class PaintingRun:
                 spec.film_length,
             ),
         )
+        if self.session.open_loop is not None and self._folder is not None:
+            self.session.open_loop.given = partial(_open_looks(self.folder).take, self.look_at_picture, self.report)
         effort = planner.effort
         known = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for
         looks = tuple(looks_on_the_way(self.session.policy, known))
@@ -585,32 +501,11 @@ class PaintingRun:
     def look_at_picture(self, given: "GivenPicture") -> None:
         """Takes a person's picture of the canvas for a look, between strokes or in a pause, and replans the rest.
 
-        Raises FrameRejected and CalibrationError, with the reason, if it does not show this canvas, and ImageError.
+        Raises ConfigError before the first plan, and the errors of `GivenPicture.look`.
         """
-        session, planner = self.session, self.planner
-        if session is None or session.open_loop is None or session.so_far is None:
+        if self.session is None:
             raise ConfigError("Nothing is painted yet; give a picture when there is something to see on the canvas.")
-        done = given.count_strokes(self.folder / JOURNAL, session.so_far.painted)
-        seen = given.read(planner.size, planner.ground, session.open_loop.expect(done))
-        session.open_loop.look_at(seen.canvas, done)
-
-    def _take_given_picture(self) -> None:
-        """Takes the next picture from the painting's folder, if one waits; a refusal is told, and nothing changes."""
-        given = None if self._folder is None else self._looks.take_next()
-        if given is None:
-            return
-        try:
-            self.look_at_picture(given)
-        except (ImageError, CalibrationError, FrameRejected) as refusal:
-            self._looks.file_away(given, "refused")
-            self.report(events.Remark(f"{given.path.name} does not count as a look. {refusal}"))
-        else:
-            self._looks.file_away(given, "used")
-
-    @cached_property
-    def _looks(self) -> "LookFolder":
-        folder: LookFolder = _open_looks(self.folder)
-        return folder
+        given.look(self.session, self.folder / JOURNAL)
 
     def _to_its_end(self, session: PaintingSession, recorder: Recorder, paint: Callable[[], Painting]) -> RunOutcome:
         """Paints; if robot, camera or person give up, the results so far are kept as after a stop."""
@@ -667,7 +562,11 @@ def _take_back_on_failure(folder: Path, *, made: bool) -> Iterator[None]:
 
 
 def paint(
-    photo: str | Path | None = None, *, text: str | None = None, folder: str | Path | None = None, **settings: Any
+    photo: str | Path | None = None,
+    *,
+    text: str | None = None,
+    folder: str | Path | None = None,
+    **settings: "Unpack[Settings]",
 ) -> RunOutcome:
     """Paints a photograph, words, or both, in the virtual studio by default; returns the outcome.
 
@@ -689,6 +588,5 @@ def paint(
         )
     asked = [*([{"image": str(photo)}] if photo is not None else []), *([{"text": text}] if text is not None else [])]
     settings["goal"] = [*asked, *settings.get("goal", [])]
-    spec = RunSpec.of(**settings)
-    with PaintingRun(spec, folder) as run:
+    with PaintingRun(RunSpec.of(**settings), folder) as run:
         return run.start()

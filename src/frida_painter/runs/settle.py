@@ -2,17 +2,15 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Unpack
 
 import torch
 from torch import Tensor
 
 from frida_painter import images, registry
-from frida_painter.brush.kinds import StrokeModel
-from frida_painter.brush.table import cached_table
-from frida_painter.brush.weights import AnyBrush, load_stroke_model
+from frida_painter.brush.weights import AnyBrush
 from frida_painter.calibration import Calibration
 from frida_painter.easel.kinds import easel_kind
 from frida_painter.easel.operator import ground_recipe
@@ -20,20 +18,18 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.images import AnyPicture
 from frida_painter.mixing.paint import usual_paints
-from frida_painter.mixing.recipe import ANY_PAINTS, PaintSet
+from frida_painter.mixing.recipe import PaintSet
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.objective import Goal, Term
-from frida_painter.palette import Palette, from_hex, to_hex
+from frida_painter.palette import to_hex
 from frida_painter.plan import WHITE, Plan
-from frida_painter.planning.effort import Effort
+from frida_painter.planning.fields import AUTO, OF_SCENE, family_shares
 from frida_painter.planning.ground import ground_around_things, proposed_ground
-from frida_painter.planning.mixable import make_mixable
+from frida_painter.planning.materials import Materials
 from frida_painter.planning.optimize import Step
-from frida_painter.planning.planner import Planner, stroke_models
+from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
-from frida_painter.planning.settings import FEWEST_FOR_LAYERS, PlannerSettings
 from frida_painter.report.recorder import Recorder
-from frida_painter.runs.fields import AUTO, OF_SCENE, family_shares, rgb
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_terms
 from frida_painter.runs.spec import RunSpec
@@ -41,7 +37,9 @@ from frida_painter.session.fold import PaintingState
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter.session.opening import planning_device
 from frida_painter.session.replan_policy import EvenlySpaced, NeverLooks, ReplanPolicy, parse_replan_policy
-from frida_painter.strokes import Strokes
+
+if TYPE_CHECKING:
+    from frida_painter.runs.setting_types import Settings
 
 _TOLD = 0.01  # share of a picture that may be cut off without a remark, because pixels are whole numbers
 _FIT = {
@@ -49,7 +47,6 @@ _FIT = {
     "crop": "the picture was cropped to the canvas",
     "pad": "the picture was padded to the canvas",
 }
-_DARKEST_OF_STUDIO = "#121212"  # its soot reflects 0.6 % of the light
 _ON_GPU = 100.0  # work of a network on a GPU in the time of a processor, at least
 _load_family = registry.Later("frida_painter_calibration.teaching.families:load_family")
 
@@ -108,34 +105,9 @@ def fit_canvas(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> F
     )
 
 
-def wanted_ground(spec: RunSpec) -> str:
-    """Returns the ground of the description, or the default one.
-
-    The default is white. If a simulated operator tones, it is AUTO for pictures and their content of 100 strokes or
-    more, and OF_SCENE for words without a picture and for styles. The planner later replaces AUTO and OF_SCENE by a
-    colour.
-    """
-    if spec.ground is not None:
-        return spec.ground
-    if not spec.simulated or spec.studio_canvas is not None or spec.on_canvas:
-        return "white"
-    kinds = {item.kind for item in spec.goal}
-    composed = "text" in kinds and not spec.initial and kinds <= {"text", "sketch", "style"}
-    if composed or "style" in kinds:
-        return OF_SCENE
-    pictured = not spec.initial and not kinds.isdisjoint(("image", "semantic"))
-    return AUTO if pictured and spec.strokes >= FEWEST_FOR_LAYERS else "white"
-
-
-def darkest_paint(spec: RunSpec) -> tuple[float, float, float] | None:
-    """Returns sRGB of the darkest available paint: the given one, that of the virtual studio, or None if unknown."""
-    told = spec.darkest or (_DARKEST_OF_STUDIO if spec.simulated else None)
-    return None if told is None else rgb(told)
-
-
 def paints_for_recipes(spec: RunSpec) -> PaintSet:
     """Returns the paints for recipes: those of the description, or six common acrylics. Raises ConfigError."""
-    darkest = darkest_paint(spec)
+    darkest = spec.darkest_paint
     return PaintSet.of(spec.paints, darkest) or PaintSet(usual_paints(), darkest=darkest)
 
 
@@ -143,7 +115,7 @@ def open_planner(
     spec: RunSpec,
     goal: Goal,
     encoders: EncoderRegistry | None = None,
-    model: StrokeModel | Sequence[StrokeModel] | None = None,
+    brushes: AnyBrush | Sequence[AnyBrush] | None = None,
     tell: Callable[[str], None] = lambda sentence: None,
     heed: Callable[[], None] = lambda: None,
 ) -> Planner:
@@ -151,7 +123,7 @@ def open_planner(
 
     A stroke model in the calibration record is preferred to that of the project.
     encoders: networks that judge the goal. None: the fetched ones.
-    model: stroke models instead of the description's brushes.
+    brushes: stroke models instead of the description's brushes.
     tell: receives a sentence about each wait.
     heed: called often in waits; may raise to end them.
     Raises CalibrationError if the record is damaged, WeightsError if a brush or a network is missing, ConfigError
@@ -161,7 +133,8 @@ def open_planner(
     networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures, tell=tell, heed=heed)
     work = spec.effort * (_ON_GPU if device.type == "cuda" else 1.0)
     told = tell_terms(goal, replace(spec.words, effort=work), spec.freedom)
-    planner = Planner(told, planner_settings(spec, model), encoders=networks, device=device)
+    materials = Materials.of(spec, brushes, _learned_brushes(spec))
+    planner = Planner(told, spec, materials, encoders=networks, device=device)
     chosen_by_clip = making_facts(*spec.goal, *spec.initial)
     if networks.idle_clip is not None and not chosen_by_clip:
         raise ConfigError(
@@ -176,37 +149,13 @@ def open_planner(
     return planner
 
 
-def planner_settings(spec: RunSpec, model: StrokeModel | Sequence[StrokeModel] | None = None) -> PlannerSettings:
-    """Returns the planner's settings for a description. Raises like `open_planner`.
-
-    model: stroke models instead of the description's brushes.
-    """
+def _learned_brushes(spec: RunSpec) -> dict[str, Path]:
+    """Returns the weights that the calibration record has for brushes of the description."""
     known = None if spec.calibration is None else Calibration.load(spec.calibration)
-    names, shares = spec.brush_names, spec.shares
-    layers = spec.layers if len(names) == 1 or not spec.names_brushes else len(names)
-    if model is None:
-        models: dict[str, StrokeModel] = {}
-        for name in dict.fromkeys(names):
-            is_known = known is not None and name in (known.brush, *known.others)
-            learned = known.of_brush(name).weights if known is not None and is_known else None
-            models[name] = cached_table(load_stroke_model(name if learned is None else Path(learned.path)))
-        model = [models[name] for name in names]
-    else:
-        layers, shares = spec.layers, None
-    told: dict[str, Any] = {
-        one.name: getattr(spec, one.name) for one in fields(PlannerSettings) if one.name in RunSpec.model_fields
-    }
-    told |= {
-        "rows": spec.render_height,
-        "effort": Effort().scale(spec.effort),
-        "layers": 1 if layers is None and (spec.is_short or spec.together) else layers,
-        "shares": shares,
-        "new_paints": spec.new_paints is not False and spec.palette is None,
-        "ground": WHITE if (ground := wanted_ground(spec)) in (AUTO, OF_SCENE) else rgb(ground),
-        "darkest": darkest_paint(spec),
-        "paints": spec.paints if spec.palette is None else ANY_PAINTS,
-    }
-    return PlannerSettings(spec.canvas, model, **told)
+    if known is None:
+        return {}
+    there = {name: known.of_brush(name).weights for name in spec.brush_names if name in (known.brush, *known.others)}
+    return {name: Path(weights.path) for name, weights in there.items() if weights is not None}
 
 
 def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
@@ -267,29 +216,6 @@ def open_recorder(
     )
 
 
-# Beginning of a painting without a goal: the paints in the wells, and a plan without strokes.
-
-_COLORS = ("#26262b", "#b23a2e", "#2f5f96", "#e3ab2f", "#f3efe4", "#3f7d4e", "#8a5636", "#7a4c8f")
-_APART = 5.0  # CIEDE2000 between two paints
-
-
-def begin_together(planner: Planner, colors: int, mixed: Palette | None = None) -> Plan:
-    """Returns a plan without strokes, to which each answer to a person adds some.
-
-    colors: greatest number of paints: ink, red, blue, yellow, cream, green, brown and violet, in this order.
-    mixed: really mixed paints; None for those, as the paints of the planner mix them.
-    """
-    color = torch.stack([from_hex(each) for each in _COLORS[:colors]])
-    if planner.paints is not None:
-        color = make_mixable(color, torch.ones(len(color)), planner.paints, _APART).color
-    palette = mixed or Palette.sort_light_to_dark(color)
-    model, no_paint = planner.models[planner.kinds[0]], torch.zeros(0, dtype=torch.long)
-    limits = model.limits.within(planner.size)
-    return Plan.of(
-        Strokes.empty(), palette, no_paint, brush=model.brush, limits=limits, canvas=planner.size, ground=planner.ground
-    )
-
-
 # Choice of the ground, if the description leaves it to the planner.
 
 
@@ -302,7 +228,7 @@ def settle_ground(
     notify: called at every step of quick plans.
     Raises ConfigError if the ground is "auto" and the goal has no picture.
     """
-    wanted, said = wanted_ground(spec), ""
+    wanted, said = spec.wanted_ground, ""
     if wanted == AUTO:
         color = proposed_ground(planner, spec.strokes, spec.colors, notify)
         said = "The ground that suits this picture best: {}."
@@ -339,6 +265,7 @@ def name_families(spec: RunSpec) -> RunSpec:
 def settle(
     made: Fitted,
     encoders: EncoderRegistry | None = None,
+    brushes: AnyBrush | Sequence[AnyBrush] | None = None,
     *,
     region: Region | None = None,
     tell: Callable[[str], None] = lambda sentence: None,
@@ -349,6 +276,7 @@ def settle(
     Also returns a sentence for the person about the choice, "" if nothing was chosen.
     made: description and goal, fitted to each other.
     encoders: networks that judge the goal. None: the fetched ones.
+    brushes: stroke models instead of the description's brushes.
     region: part of the canvas that strokes keep clear of.
     tell: receives a sentence about each wait.
     heed: called often in waits; may raise to end them.
@@ -363,7 +291,7 @@ def settle(
             tell(said[0])
 
     spec = name_families(made.spec)
-    planner = open_planner(spec, made.goal, encoders, tell=tell, heed=heed)
+    planner = open_planner(spec, made.goal, encoders, brushes, tell, heed)
     planner, ground, remark = settle_ground(spec, planner, choosing)
     spec = spec.model_copy(update={"ground": ground})
     return spec, planner if region is None else planner.keeping_clear(region), remark
@@ -375,7 +303,7 @@ def make_planner(
     *,
     model: AnyBrush | Sequence[AnyBrush] | None = None,
     encoders: EncoderRegistry | None = None,
-    **settings: Any,
+    **settings: "Unpack[Settings]",
 ) -> Planner:
     """Returns the planner that `frida-painter plan` uses for a goal or a picture; equal settings make an equal plan.
 
@@ -394,12 +322,8 @@ def make_planner(
     wanted = goal if isinstance(goal, Goal) else make_goal(goal)
     if "goal" in settings or "initial" in settings:
         raise ConfigError("make_planner takes its goal first, and it was given as a setting; use make_goal for it.")
-    settings |= {"goal": _describe_terms(wanted.terms), "initial": _describe_terms(wanted.initial)}
-    made = fit_canvas(RunSpec.of(**settings), wanted)
-    if model is None:
-        return settle(made, encoders)[1]
-    planner = open_planner(made.spec, made.goal, encoders, stroke_models(model))
-    return settle_ground(made.spec, planner)[0]
+    settings["goal"], settings["initial"] = _describe_terms(wanted.terms), _describe_terms(wanted.initial)
+    return settle(fit_canvas(RunSpec.of(**settings), wanted), encoders, model)[1]
 
 
 def _describe_terms(terms: Sequence[Term]) -> list[dict[str, object]]:

@@ -1,121 +1,76 @@
-"""RunSpec: the full description of a painting; a setting is spelled here once, with its limits, default and help.
+"""RunSpec: the full description of a painting, with the settings of goal, machine and painting.
 
-Command line, page, TOML files, sweeps, records, notebooks and the reference are made from its fields. This module
-loads no tensors.
+Those of canvas, paints and strokes are the planner's (planning/settings.py). This module loads no tensors.
 """
 
-from collections.abc import Iterator, Mapping
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import astuple, fields
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, Unpack
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator
 
 from frida_painter import registry, storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, VIRTUAL, is_simulated
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, ImageError
 from frida_painter.objectives import USUAL_FREEDOM
 from frida_painter.objectives.word_settings import USUAL, Beginning, WordSettings
-from frida_painter.planning.settings import FEWEST_FOR_LAYERS, PlannerSettings
-from frida_painter.runs.fields import (
-    AUTO,
-    MAX_LAYERS,
-    NAMED_PAINTS,
-    Brushes,
-    Canvas,
-    DarkestPaint,
-    Families,
-    File,
-    Focus,
-    Ground,
-    InitialItems,
-    Items,
-    PaintsInUse,
-    Placement,
-    Policy,
-    brush_shares,
-    canvas_of,
-    family_shares,
-    paints_of,
-    sentence_on,
+from frida_painter.palette_file import is_palette_file, read_colors
+from frida_painter.planning.fields import AUTO, NAMED_PAINTS, OF_SCENE, File, parse_field, rgb
+from frida_painter.planning.settings import (
+    FEWEST_FOR_LAYERS,
+    CanvasSettings,
+    PlannerSettings,
+    PlanSettings,
+    SettingSection,
+    setting,
 )
-from frida_painter.storage import count_of
+from frida_painter.runs.goal_item import InitialItems, Items
+from frida_painter.session.replan_policy import parse_replan_policy
 
-_PLANNED: Mapping[str, Any] = {field.name: field.default for field in fields(PlannerSettings)}
-"""Defaults of the planner's settings."""
+if TYPE_CHECKING:
+    from frida_painter.runs.setting_types import Settings
+
+_FURTHEST, _MAX_TURNED = 0.05, 15.0  # metres and degrees
 
 
-def setting(
-    default: Any,
-    *,
-    value: str = "",
-    usual: str = "",
-    names: tuple[str, ...] = (),
-    of: tuple[str, ...] = (),
-    adds: tuple[str, ...] = (),
-    common: bool = False,
-    **limits: Any,
-) -> Any:
-    """Returns a field of a section; the docstring below it is its help.
+def millimetres_and_degrees(text: str | None) -> tuple[float, float, float] | None:
+    """Parses a placement error: "4mm,2deg" is right and turn, "3mm,-2mm,1deg" is right, up and turn.
 
-    value: word for its value in the help. "": one by its type.
-    usual: the default in words. "": the default itself.
-    names: options for it, if they are not named after the field.
-    of: groups of parts that it is one of; the help lists them all.
-    adds: groups to which other packages may add; the help lists what they add.
-    common: True if the short help shows it.
-    limits: as in pydantic's Field.
+    The turn is counter-clockwise. Returns metres right, metres up and radians; None for None.
+    Raises ConfigError.
     """
-    more: dict[str, Any] = {"value": value, "usual": usual, "names": names, "of": of, "adds": adds, "common": common}
-    return Field(default, json_schema_extra=more, **limits)
+    if text is None:
+        return None
+    number = r"\s*([+-]?(?:\d+(?:\.\d+)?|\.\d+))\s*"
+    match = re.fullmatch(rf"{number}mm\s*(?:,{number}mm\s*)?,{number}deg\s*", str(text).lower())
+    if match is None:
+        raise ConfigError(
+            f"--placement-error was given {str(text)[:40]!r}; it is millimetres to the right, millimetres up and "
+            "degrees, like 4mm,2deg or 3mm,-2mm,1.5deg."
+        )
+    x, y, turn = float(match[1]) / 1000, float(match[2] or 0) / 1000, float(match[3])
+    if not (math.hypot(x, y) <= _FURTHEST and abs(turn) <= _MAX_TURNED):
+        raise ConfigError(
+            f"--placement-error was given {text[:40]!r}; at most {_FURTHEST * 1000:g} mm and {_MAX_TURNED:g} degrees "
+            "can be corrected."
+        )
+    return x, y, math.radians(turn)
 
 
-def about(field: Any) -> Mapping[str, Any]:
-    """Returns what `setting` was told of a field beside its help, its default and its limits."""
-    return field.json_schema_extra or {}
+def _allow(parse: Callable[[str], object], text: str | None) -> str | None:
+    """Returns the text as it is, if it can be parsed."""
+    if text is not None:
+        parse_field(parse, text)
+    return text
 
 
-def help_of(field: Any) -> str:
-    """Returns the help of a setting, with the parts that are registered now."""
-    more, told = about(field), [" ".join(field.description.split())]
-    if known := [name for group in more["of"] for name in registry.parts(group)]:
-        told.append(f"Available: {', '.join(known)}.")
-    adding = [part for group in more["adds"] for part in registry.parts(group).values()]
-    if added := [part.name for part in adding if not part.is_ours]:
-        told.append(f"Installed packages add {', '.join(added)}.")
-    return " ".join(told)
-
-
-def usual_of(field: Any) -> str:
-    """Returns the default of a setting, in words."""
-    default = field.default
-    plain = ("yes" if default else "no") if isinstance(default, bool) else default
-    plain = f"{plain:g}" if isinstance(plain, float) else plain
-    return about(field)["usual"] or ("none" if plain in (None, "", ()) else str(plain))
-
-
-class SettingSection(BaseModel):
-    """Some settings of a painting, with a panel of their own in the help."""
-
-    model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        strict=True,
-        arbitrary_types_allowed=True,
-        allow_inf_nan=False,
-        use_attribute_docstrings=True,
-    )
-    panel: ClassVar[str] = ""
-
-    @classmethod
-    def accept(cls, values: Mapping[str, Any]) -> Self:
-        """Returns the settings with these values. Raises ConfigError, which names all faults at once."""
-        try:
-            return cls(**values)
-        except ValidationError as error:
-            faults = [sentence_on(fault, cls.model_fields) for fault in error.errors()]
-            raise ConfigError(f"{'; '.join(faults)}.") from error
+Policy = Annotated[str | None, AfterValidator(partial(_allow, parse_replan_policy))]
+Placement = Annotated[str | None, AfterValidator(partial(_allow, millimetres_and_degrees))]
 
 
 class GoalSettings(SettingSection):
@@ -142,89 +97,6 @@ class GoalSettings(SettingSection):
     freedom: float = setting(USUAL_FREEDOM, ge=0, le=1)
     """Freedom of the colours of a painting by content (--semantic) from those of the picture: 0 is faithful, 1 is
     wild."""
-
-
-class CanvasSettings(SettingSection):
-    """The canvas and its paints."""
-
-    panel: ClassVar[str] = "Canvas and paints"
-
-    canvas: Canvas = setting(CanvasSize(14 * 0.0254, 11 * 0.0254), value="SIZE", usual="14x11in", common=True)
-    """Canvas size: width x height in in, cm or mm, like 14x11in or 297x210mm, or a name from A6 to A0, letter, legal
-    or tabloid, like A3 or 'A3 landscape'. It is rotated to match the picture."""
-    fit: Literal["canvas", "crop", "pad"] = setting("canvas")
-    """Way to fit a picture with another aspect ratio onto the canvas. canvas: the canvas takes the aspect ratio of the
-    picture, within its size. crop: the picture is cropped. pad: white is added. A real canvas keeps its shape;
-    there, canvas means crop."""
-    ground: Ground = setting(
-        None,
-        value="auto|white|#RRGGBB",
-        usual="white; in the studio, auto for a picture of 100 strokes or more, and for words alone and styles the "
-        "commonest colour around the things",
-    )
-    """Colour of the ground. A person tones the bare canvas with it before the painting begins; the recipe is told, and
-    the camera looks before anything is planned. auto takes the colour that suits the picture."""
-    colors: int = setting(_PLANNED["colors"], common=True, ge=1, le=24)
-    """Number of paints to mix."""
-    new_paints: bool | None = setting(None, usual="new paints")
-    """Mix new paints for each layer, --colors of them, or keep those of the first. With --palette they are kept."""
-    paints: PaintsInUse = setting(_PLANNED["paints"], value="acrylics|any|FILE", min_length=1)
-    """The paints that you mix from. acrylics: six common ones; FILE: your own, as for mix --paints. A colour that
-    they cannot give becomes the nearest one that they can, and colours with one recipe become one. any: every
-    colour, for pens, screens and paints that are not mixed. A --palette is never changed."""
-    darkest: DarkestPaint = setting(None, value="#RRGGBB", usual="in the studio #121212, otherwise #000000")
-    """The colour of your darkest paint once it is dry. No darker paint is planned, and the forecast is right where
-    the picture is darker."""
-    palette: File = setting(None, value="FILE", usual="the paints of the plan")
-    """The paints that you really mixed: a palette of GIMP (.gpl) or Adobe (.ase), a list of colours like #f2e9dc,
-    JSON like {"paints": ["#f2e9dc", ...]}, a picture of them, or a photograph of a strip with bare paper and one
-    swatch of each paint."""
-
-
-class PlanSettings(SettingSection):
-    """The strokes, and how they are planned."""
-
-    panel: ClassVar[str] = "Strokes"
-
-    strokes: int = setting(_PLANNED["strokes"], common=True, ge=1, le=20_000)
-    """Number of brush strokes. Exactly this number is painted, unless --minutes has fewer."""
-    brushes: Brushes = setting(
-        None,
-        value="NAME,...",
-        usual="in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and "
-        "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:50%,fine:50%; otherwise broad",
-        names=("--brushes", "--brush"),
-        adds=(registry.STROKE_MODELS,),
-        common=True,
-        min_length=1,
-    )
-    """The brush: fine, medium or broad, or a file of stroke model weights that you trained. Several paint a layer
-    each, like broad,medium, with shares of the strokes like broad:60%,medium:40%."""
-    strokes_of: Families = setting(
-        None, value="FAMILY,...", usual="strokes of the brushes alone", adds=(registry.STROKE_FAMILIES,), min_length=1
-    )
-    """Families of strokes that a person taught, each in a layer of the last brush: comma, zigzag, flourish, or a
-    file that teach wrote. With shares of the strokes like comma:20%,flourish:30%; without them families get 40%
-    together."""
-    layers: int | None = setting(
-        None,
-        usual="as many as brushes; of one brush 2 for a picture of 100 strokes or more, otherwise 1; 1 if drying "
-        "takes a third of --minutes",
-        ge=1,
-        le=MAX_LAYERS,
-    )
-    """Number of layers of strokes. Each is painted from light to dark on the dry paint of the one before, and
-    planned for the canvas as it is then. The first has most of the strokes."""
-    focus: Focus = setting(_PLANNED["focus"])
-    """Part of a picture that matters most. faces: faces, if there are any; none: every place is worth the same."""
-    render_height: int = setting(_PLANNED["rows"], ge=64, le=2048)
-    """Height of the planning image in pixels. Higher is finer and slower."""
-    effort: float = setting(_PLANNED["effort"], ge=0.05, le=20)
-    """Planning effort. 2 plans twice as long, 0.5 half as long; a CLIP looks more, or less."""
-    planner: str = setting(_PLANNED["planner"], value="NAME", adds=(registry.PLANNERS,), min_length=1)
-    """Way to make the plan. Your own packages can add planners."""
-    seed: int = setting(_PLANNED["seed"], common=True, ge=0, le=2**31 - 1)
-    """Random seed. The same seed gives the same painting, another seed a different one."""
 
 
 class MachineSettings(SettingSection):
@@ -295,6 +167,7 @@ USUAL_BRUSHES = "broad:30%,medium:35%,fine:35%"
 FEWER_BRUSHES = "broad:50%,medium:50%"
 """Default brushes of a picture with less than 200 strokes, or if drying twice takes a third of the minutes."""
 _FEWEST_FOR_ALL = 200  # strokes
+_DARKEST_OF_STUDIO = "#121212"  # its soot reflects 0.6 % of the light
 WORDS_BRUSHES = "broad:50%,fine:50%"
 """Default brushes of words alone; people recognise a thing by its outline and its small parts."""
 FILM_FRAMES = 120
@@ -313,7 +186,7 @@ FORMER = {
 """Settings of 0.3 that are fixed now, each with the value that it is fixed at."""
 
 
-class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, GoalSettings):
+class RunSpec(PaintingSettings, MachineSettings, PlannerSettings, GoalSettings):
     """Description of a painting. `of`, `from_toml` and `read` raise ConfigError, which names all faults at once.
 
     Its fields are the settings of its sections; `docs/reference/settings.md` lists them.
@@ -327,15 +200,9 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
     version: Literal[1] = setting(1)
     """Version of these settings in a file."""
 
-    @model_validator(mode="after")
-    def _fit_together(self) -> Self:
-        for fault in self._misfits():
-            raise ValueError(fault)
-        return self
-
     def _misfits(self) -> Iterator[str]:
         """Yields a sentence for each setting that another one rules out."""
-        given, strokes, layers = self.model_fields_set, count_of(self.strokes, "stroke"), self.layers or 1
+        given = self.model_fields_set
         kinds = {item.kind for item in (*self.goal, *self.initial)}
         if kinds and "text" not in kinds and self.words != USUAL:
             said = zip(fields(WordSettings), astuple(self.words), astuple(USUAL), strict=True)
@@ -343,24 +210,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
             yield f"--{option} is for words, and the goal has none; leave it out, or give --text"
         if self.together:
             yield from self._misfits_together()
-        if "colors" in given and self.colors > self.strokes:
-            yield f"{self.colors} colors for {self.strokes} strokes; give at most as many colors as strokes"
-        if self.layers is not None and len(self.brush_names) > 1 and layers != len(self.brush_names):
-            yield f"{layers} layers and {len(self.brush_names)} brushes; leave out --layers"
-        if self.strokes_of is not None and self.layers is not None:
-            yield "--strokes-of adds a layer for each family; leave out --layers"
-        if self.names_brushes and len(self.brush_names) > self.strokes:
-            yield f"{len(self.brush_names)} layers for {strokes}; give at most as many brushes"
-        for name, share in zip(self.brush_names, self.shares or (), strict=False):
-            if self.names_brushes and round(self.strokes * share) == 0:
-                yield (
-                    f"{name} gets {100 * share:g} % of {strokes}, which is not one stroke; give it a larger share, or "
-                    "leave it out"
-                )
-        if self.new_paints and self.palette is not None:
-            yield "--palette tells of one palette, and --new-paints mixes one for each layer; leave one out"
-        if layers > self.strokes:
-            yield f"{layers} layers for {self.strokes} strokes; give at most as many layers as strokes"
+        yield from super()._misfits()
         if "replans" in given and self.replans >= self.strokes:
             yield (
                 f"{self.replans} replans for {self.strokes} strokes; there is a look between strokes only, so give at "
@@ -381,7 +231,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
             )
         if self.minutes is not None and self.by_hand:
             yield f"--minutes is the robot's time, and with --robot {HUMAN} a person paints; leave it out"
-        dryings = max(len(self.brush_names) if self.names_brushes else 1, layers) - 1
+        dryings = (self.wanted_layers or 1) - 1
         if self.minutes is not None and dryings * self.drying >= self.minutes:
             yield (
                 f"--minutes is {self.minutes:g}, and between {dryings + 1} layers paint dries for "
@@ -432,7 +282,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
             )
 
     @classmethod
-    def of(cls, **settings: Any) -> Self:
+    def of(cls, **settings: "Unpack[Settings]") -> Self:  # type: ignore[override]
         """Returns a checked description, with defaults that fit the given values.
 
         These defaults are the canvas of the workspace file, and the number of colours of the palette file. A plan
@@ -443,13 +293,14 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
             if "brushes" in settings:
                 raise ConfigError("A brush was given, and brushes as well; give --brushes alone.")
             settings["brushes"] = settings.pop("brush")
-        chosen = cls.accept(settings)
+        chosen = super().of(**settings)
         for name, value in settings.items():
             fault = storage.path_fault(value) if isinstance(value, str | Path) and name != "avoid" else ""
             if fault:
                 raise ConfigError(f"{name} was given {str(value)[:40]!r}, which can be no name and no path ({fault}).")
         if chosen.palette is not None and "colors" not in settings:
-            return cls.of(**settings, colors=paints_of(chosen.palette))
+            settings["colors"] = paints_of(chosen.palette)
+            return cls.of(**settings)
         fitting: dict[str, Any] = {
             "colors": min(chosen.colors, chosen.strokes),
             "replans": min(chosen.replans, chosen.strokes - 1) if chosen.has_camera else 0,
@@ -460,7 +311,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
         return chosen.model_copy(update={name: fits for name, fits in fitting.items() if fits != getattr(chosen, name)})
 
     @classmethod
-    def from_toml(cls, path: str | Path, **overrides: Any) -> Self:
+    def from_toml(cls, path: str | Path, **overrides: "Unpack[Settings]") -> Self:
         """Reads a description from a TOML file, with `overrides`; its file names are relative to it.
 
         Raises ConfigError.
@@ -473,7 +324,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
                 values[name] = path.parent / values[name]
         return cls.of(**{**without_former(values), **overrides})
 
-    def with_values(self, **settings: Any) -> Self:
+    def with_values(self, **settings: "Unpack[Settings]") -> Self:
         """Returns a checked copy with other values. Raises ConfigError."""
         replaced = {"brushes"} if "brush" in settings else set()
         kept = {name: getattr(self, name) for name in self.model_fields_set - replaced}
@@ -527,27 +378,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
         return WordSettings(self.beginning, self.avoid)
 
     @property
-    def names_brushes(self) -> bool:
-        """True if the description names its brushes, instead of leaving them to the defaults."""
-        return self.brushes is not None or self.strokes_of is not None
-
-    @property
-    def layer_brushes(self) -> str:
-        """Named brushes, or the default ones, with a layer for each named family, in the form of --brushes."""
-        if self.strokes_of is None:
-            return self._own_brushes
-        families, own = family_shares(self.strokes_of), brush_shares(self._own_brushes)
-        left = 1 - sum(share for _, share in families)
-        shares = [share for _, share in own]
-        usual = (1.0,) if len(own) == 1 else (0.6, *[0.4 / (len(own) - 1)] * (len(own) - 1))
-        given = [usual[number] if share is None else share for number, share in enumerate(shares)]
-        last = own[-1][0]
-        layers = [(name, left * share / sum(given)) for (name, _), share in zip(own, given, strict=True) if left > 1e-9]
-        layers += [(f"{last}+{name}", share) for name, share in families]
-        return ",".join(f"{name}:{100 * share:.6f}%" for name, share in layers)
-
-    @property
-    def _own_brushes(self) -> str:
+    def usual_brushes(self) -> str:
         """Named brushes, or the default ones; several only if the robot changes brushes itself."""
         if self.brushes is not None:
             return self.brushes
@@ -561,20 +392,35 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
         return FEWER_BRUSHES if self.strokes < _FEWEST_FOR_ALL or hurried else USUAL_BRUSHES
 
     @property
+    def wanted_layers(self) -> int | None:
+        """As of a planner's settings; one if paint would dry too long, and if a person paints along."""
+        return super().wanted_layers or (1 if self.is_short or self.together else None)
+
+    @property
+    def wanted_ground(self) -> str:
+        """Named ground, or the default one.
+
+        The default is white. If a simulated operator tones, it is AUTO for pictures and their content of 100 strokes
+        or more, and OF_SCENE for words without a picture and for styles. A planner chooses the colour for these.
+        """
+        if self.ground is not None or not self.simulated or self.studio_canvas is not None or self.on_canvas:
+            return super().wanted_ground
+        kinds = {item.kind for item in self.goal}
+        composed = "text" in kinds and not self.initial and kinds <= {"text", "sketch", "style"}
+        if composed or "style" in kinds:
+            return OF_SCENE
+        pictured = not self.initial and not kinds.isdisjoint(("image", "semantic"))
+        return AUTO if pictured and self.strokes >= FEWEST_FOR_LAYERS else "white"
+
+    @property
+    def darkest_paint(self) -> tuple[float, float, float] | None:
+        """sRGB of the darkest available paint: the named one, that of the virtual studio, or None if unknown."""
+        return super().darkest_paint or (rgb(_DARKEST_OF_STUDIO) if self.simulated else None)
+
+    @property
     def is_short(self) -> bool:
         """True if drying once would take more than a third of the robot's time."""
         return self.minutes is not None and self.minutes < 3 * self.drying
-
-    @property
-    def brush_names(self) -> tuple[str, ...]:
-        """Brush of all layers, or of each layer: names or weight files."""
-        return tuple(name for name, _ in brush_shares(self.layer_brushes))
-
-    @property
-    def shares(self) -> tuple[float, ...] | None:
-        """Share of the strokes for each layer; None for the default shares."""
-        shares = [share for _, share in brush_shares(self.layer_brushes) if share is not None]
-        return tuple(shares) if len(shares) > 1 else None
 
     @property
     def simulated(self) -> bool:
@@ -604,6 +450,29 @@ class RunSpec(PaintingSettings, MachineSettings, PlanSettings, CanvasSettings, G
 
 FILES = tuple(name for name, field in RunSpec.model_fields.items() if field.annotation == Path | None)
 """Settings that name files, other than those of the goal."""
+
+
+def canvas_of(workspace: Path) -> CanvasSize:
+    """Returns the canvas of a workspace file. Raises ConfigError."""
+    from frida_painter.hardware.workcell import WorkcellConfig  # loads tensors
+
+    size = WorkcellConfig.load(workspace).canvas
+    return CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
+
+
+def paints_of(palette: Path) -> int:
+    """Returns the number of paints in a palette file or picture.
+
+    Raises ConfigError for a photograph of any other thing.
+    """
+    if is_palette_file(palette):
+        return len(read_colors(palette))
+    from frida_painter.perception.color import read_palette  # loads tensors
+
+    try:
+        return len(read_palette(palette, None))
+    except ImageError as error:
+        raise ConfigError(str(error)) from error
 
 
 def without_former(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -37,7 +37,6 @@ class Controls:
     paint_on: called with a sentence and a photograph [3, H, W] of a canvas that is not bare, or has changed;
     returns True to paint on.
     repaint: called with the number and a picture of the stroke in doubt; returns True to paint it again.
-    given: called between strokes on an easel without a camera, to take a person's picture (`open_loop.look_at`).
     adapt: answers a turn of a person who is not answered in a pause; see together/.
     """
 
@@ -48,5 +47,4 @@ class Controls:
     answer: Callable[[Question], Answer] | None = None
     paint_on: Callable[[str, Tensor], bool] = lambda difference, photograph: False
     repaint: Callable[[int, Tensor], bool] = lambda number, picture: False
-    given: Callable[[], None] = lambda: None
     adapt: Adapt = answer_usually

@@ -112,7 +112,7 @@ class PaintingSession:
         self._monitor: ExecutionMonitor | OpenLoopMonitor = (
             ExecutionMonitor(self._plans, self._executor, hand, observer, desk)
             if sees
-            else OpenLoopMonitor(self._plans, self._executor, hand, desk, self._controls.given)
+            else OpenLoopMonitor(self._plans, self._executor, hand, desk)
         )
         self._notify = notify
         self._desk = desk

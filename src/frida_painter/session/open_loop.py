@@ -56,7 +56,7 @@ class OpenLoopMonitor:
 
     plans: keeper of the planner that knows the bare canvas and the marks of the brushes.
     executor: moves the arm to its home position.
-    given: called between strokes; calls `look_at` if a person gave a picture.
+    given: called between strokes, calls `look_at` if a person gave a picture; the painting's run sets it.
     """
 
     def __init__(
@@ -65,10 +65,10 @@ class OpenLoopMonitor:
         executor: BatchExecutor,
         hand: Hand,
         desk: Desk,
-        given: Callable[[], None] = lambda: None,
     ) -> None:
         self._plans, self._executor, self._hand = plans, executor, hand
-        self._given, self._taking = given, False
+        self.given: Callable[[], None] = lambda: None
+        self._taking = False
         self._journal, self._interruptions, self._progress, self._tell = desk
         self._pictured = 0  # strokes on the canvas in the last picture of a person
 
@@ -99,7 +99,7 @@ class OpenLoopMonitor:
         if not self._taking and self._progress.painted:
             self._taking = True
             try:
-                self._given()
+                self.given()
             finally:
                 self._taking = False
 

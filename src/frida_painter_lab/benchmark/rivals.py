@@ -79,9 +79,9 @@ def plan_plain(run: PaintingRun, target: Tensor, budget: Budget) -> Plan:
                 order = torch.randperm(len(order), generator=generator)
     palette = Palette.cluster(strokes.color, torch.ones(len(strokes)), budget.paints, planner.seed)
     paint = palette.nearest(strokes.color)
-    if planner.paints is not None:
+    if planner.materials.paints is not None:
         uses = torch.bincount(paint, minlength=len(palette)).float()
-        mixable = make_mixable(palette.color, uses, planner.paints, 1.0)
+        mixable = make_mixable(palette.color, uses, planner.materials.paints, 1.0)
         palette = Palette.sort_light_to_dark(mixable.color[torch.unique(mixable.number[paint])])
         paint = palette.nearest(mixable.color[mixable.number[paint]])
     order = torch.argsort(paint, stable=True)

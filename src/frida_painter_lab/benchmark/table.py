@@ -145,8 +145,8 @@ class CellRun(Run):
         if entrant is None or entrant.make is not None:
             brushes = PLAIN_BRUSH if entrant is None else entrant.brushes
             return RunSpec.of(**fields, ground="white", brushes=brushes, replans=0)
-        looks = {} if entrant.looks is None else {"replans": entrant.looks}
-        return RunSpec.of(**fields, minutes=budget.minutes, **looks)
+        fields |= {} if entrant.looks is None else {"replans": entrant.looks}
+        return RunSpec.of(**fields, minutes=budget.minutes)
 
 
 @dataclass(frozen=True, kw_only=True)

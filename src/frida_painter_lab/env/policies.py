@@ -22,12 +22,13 @@ from numpy.typing import NDArray
 
 from frida_painter import images
 from frida_painter.errors import ConfigError
+from frida_painter.objectives.image import ImageTerm
+from frida_painter.objectives.objective import Goal
 from frida_painter.palette import Palette
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement, displace_strokes
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.runs.goals import make_goal
 from frida_painter.strokes import Strokes
 from frida_painter_lab.env.actions import NUMBERS
 from frida_painter_lab.env.renderer_env import CanvasStack
@@ -120,12 +121,13 @@ class PlannerPolicy:
 
     def _begin(self, observation: Observation, seen: torch.Tensor, left: int) -> None:
         task, palette = self._task, Palette(torch.from_numpy(observation["paints"]))
-        goal = make_goal(images.from_uint8(observation["goal"]))
-        settings = PlannerSettings(
-            task.size, task.brush.name, strokes=left, colors=task.paints, rows=task.grid.rows, effort=self._effort,
-            seed=self._seed, layers=1, focus="none", sharpness=0.0, ground=task.ground, paints="any",
+        picture = images.from_uint8(observation["goal"])
+        settings = PlannerSettings.of(
+            canvas=task.size, ground=task.ground, brushes=task.brush.name, strokes=left, colors=task.paints,
+            render_height=max(task.grid.rows, 64), effort=self._effort, seed=self._seed, layers=1, focus="none",
+            paints="any",
         )  # fmt: skip
-        self._planner = Planner(goal, settings)
+        self._planner = Planner(Goal((ImageTerm(picture, wanted=picture),)), settings)
         self._plan = self._planner.bind_to_palette(self._planner.plan(seen, left, task.paints), seen, palette)
         self._placement, self._before, self._painted = Placement.unknown(), seen, list[Plan]()
 

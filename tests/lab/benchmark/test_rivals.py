@@ -34,7 +34,12 @@ def two_halves() -> torch.Tensor:
 
 def planner_of(*brushes: str) -> Planner:
     goal = Goal((ImageTerm(two_halves()),)).fit_to(64, 85)
-    return Planner(goal, PlannerSettings(CANVAS, brushes, strokes=12, colors=3, rows=64, focus="none", seed=3))
+    return Planner(
+        goal,
+        PlannerSettings.of(
+            canvas=CANVAS, brushes=brushes, strokes=12, colors=3, render_height=64, focus="none", seed=3
+        ),
+    )
 
 
 def error_of(planner: Planner, plan) -> float:

@@ -1,13 +1,10 @@
-"""Fields of a description as a person writes them, and their faults in the words of the command line.
+"""Fields of a description as a person writes them: canvas, colours, files, and brushes with their shares.
 
-A canvas, a colour, a file, a placement error, and brushes and stroke families with their shares of the strokes:
-"broad:60%,fine+comma:40%". This module loads no tensors.
+Brushes and stroke families share the strokes: "broad:60%,fine+comma:40%". This module loads no tensors.
 """
 
-import math
 import re
-from collections.abc import Callable, Mapping
-from difflib import get_close_matches
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -16,49 +13,15 @@ from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 from pydantic.fields import FieldInfo
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import ConfigError, ImageError
-from frida_painter.palette_file import is_palette_file, read_colors
-from frida_painter.runs.goal_item import GoalItem
-from frida_painter.session.replan_policy import parse_replan_policy
+from frida_painter.errors import ConfigError
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
 
 
-def sentence_on(fault: Any, fields: Mapping[str, FieldInfo]) -> str:
-    """Returns a fault of pydantic in the words of the command line."""
-    message = fault["msg"].removeprefix("Value error, ").removesuffix(".")
-    if not fault["loc"]:
-        return message
-    name = str(fault["loc"][0])
-    if fault["type"] == "extra_forbidden":
-        near = get_close_matches(name, fields, 3)
-        known = f"near it is {' or '.join(near)}" if near else "there are " + ", ".join(sorted({*fields} - {"version"}))
-        return f"{name[:40]!r} is not a setting; {known}"
-    option = f"--{name.replace('_', '-')}"
-    if fault["type"] == "value_error":
-        return message if name in ("goal", "initial") or message.startswith(option) else f"{option}: {message}"
-    if name not in fields or len(fault["loc"]) > 1:
-        return f"{option}: {message}"
-    given = repr(fault["input"])
-    given = given if len(given) <= 40 else f"{given[:37]}..."
-    return f"{option} was given {given}; it is {_list_allowed(fields[name])}"
-
-
 def limits_of(field: FieldInfo) -> dict[str, float]:
     """Returns the least and the greatest value of a setting as `ge` and `le`, as far as it has them."""
     return {name: getattr(part, name) for part in field.metadata for name in ("ge", "le") if hasattr(part, name)}
-
-
-def _list_allowed(field: FieldInfo) -> str:
-    """Returns the allowed values of a setting, in words."""
-    bounds = limits_of(field)
-    if "Literal" in str(field.annotation):
-        return f"one of {', '.join(map(str, getattr(field.annotation, '__args__', ())))}"
-    if not bounds:
-        return "true or false" if field.annotation in (bool, bool | None) else "a name or a path"
-    kind = "a number" if field.annotation in (float, float | None) else "a whole number"
-    return f"{kind} from {bounds['ge']} to {bounds['le']}" if "le" in bounds else f"{kind} of at least {bounds['ge']}"
 
 
 # Brushes and stroke families, with their shares of the strokes.
@@ -139,53 +102,21 @@ def _named(parse: Callable[[str], object], value: Any) -> Any:
     return value
 
 
-# A canvas, a colour, a file, a replan policy.
+# A canvas, a colour, a file.
 
 NAMED_PAINTS = ("acrylics", "any")
 """Values of paints that are not the name of a file."""
 OF_SCENE = "scene"
 """Internal value of a ground: the colour around the things of a scene."""
-_FURTHEST, _MAX_TURNED = 0.05, 15.0
 _LIGHTEST_DARK = 0.4  # largest channel of the darkest paint in sRGB
 
 
-def millimetres_and_degrees(text: str | None) -> tuple[float, float, float] | None:
-    """Parses a placement error: "4mm,2deg" is right and turn, "3mm,-2mm,1deg" is right, up and turn.
-
-    The turn is counter-clockwise. Returns metres right, metres up and radians; None for None.
-    Raises ConfigError.
-    """
-    if text is None:
-        return None
-    number = r"\s*([+-]?(?:\d+(?:\.\d+)?|\.\d+))\s*"
-    match = re.fullmatch(rf"{number}mm\s*(?:,{number}mm\s*)?,{number}deg\s*", str(text).lower())
-    if match is None:
-        raise ConfigError(
-            f"--placement-error was given {str(text)[:40]!r}; it is millimetres to the right, millimetres up and "
-            "degrees, like 4mm,2deg or 3mm,-2mm,1.5deg."
-        )
-    x, y, turn = float(match[1]) / 1000, float(match[2] or 0) / 1000, float(match[3])
-    if not (math.hypot(x, y) <= _FURTHEST and abs(turn) <= _MAX_TURNED):
-        raise ConfigError(
-            f"--placement-error was given {text[:40]!r}; at most {_FURTHEST * 1000:g} mm and {_MAX_TURNED:g} degrees "
-            "can be corrected."
-        )
-    return x, y, math.radians(turn)
-
-
-def _read(parse: Callable[[_T], _R], value: _T) -> _R:
+def parse_field(parse: Callable[[_T], _R], value: _T) -> _R:
     """Returns the result of a parser. Raises ValueError for its ConfigError, as pydantic expects."""
     try:
         return parse(value)
     except ConfigError as error:
         raise ValueError(str(error)) from error
-
-
-def _allow(parse: Callable[[str], object], text: str | None) -> str | None:
-    """Returns the text as it is, if it can be parsed."""
-    if text is not None:
-        _read(parse, text)
-    return text
 
 
 def _whole_path(text: str) -> str:
@@ -231,61 +162,34 @@ def _darkest(color: str | None) -> str | None:
     return color
 
 
-def _goal_items(value: Any) -> Any:
-    """Returns goal items from tables of a TOML file ({"text": "a lemon", "weight": 2}); others stay as they are."""
-    return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
+Named = str | Path | Sequence[str | Path] | None
+"""Form of names in Python: one text, or a list of names and files."""
+AnyColor = str | Sequence[float] | None
+"""Form of a colour in Python: "#c8a878", or 3 numbers in [0, 1]."""
 
-
-def _plain(items: tuple[GoalItem, ...], *, beginning: bool) -> tuple[GoalItem, ...]:
-    return tuple(_read(partial(GoalItem.plain, beginning=beginning), item) for item in items)
-
-
-Brushes = Annotated[str | None, BeforeValidator(partial(_named, brush_shares))]
-Families = Annotated[str | None, BeforeValidator(partial(_named, family_shares))]
-Ground = Annotated[str | None, BeforeValidator(_hex), AfterValidator(_ground)]
+Brushes = Annotated[str | None, BeforeValidator(partial(_named, brush_shares), json_schema_input_type=Named)]
+Families = Annotated[str | None, BeforeValidator(partial(_named, family_shares), json_schema_input_type=Named)]
+Ground = Annotated[str | None, BeforeValidator(_hex, json_schema_input_type=AnyColor), AfterValidator(_ground)]
 Focus = Literal["faces", "none"]
-DarkestPaint = Annotated[str | None, BeforeValidator(_hex), AfterValidator(_darkest)]
+DarkestPaint = Annotated[str | None, BeforeValidator(_hex, json_schema_input_type=AnyColor), AfterValidator(_darkest)]
 PaintsInUse = Annotated[
     str,
-    BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value),
+    BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value, json_schema_input_type=str | Path),
     PlainSerializer(_whole_path, when_used="json"),
 ]
-Policy = Annotated[str | None, AfterValidator(partial(_allow, parse_replan_policy))]
 Canvas = Annotated[
     CanvasSize,
-    BeforeValidator(lambda size: size if isinstance(size, CanvasSize) else _read(CanvasSize.parse, str(size))),
+    BeforeValidator(
+        lambda size: size if isinstance(size, CanvasSize) else parse_field(CanvasSize.parse, str(size)),
+        json_schema_input_type=str | CanvasSize,
+    ),
     PlainSerializer(lambda size: f"{size.width * 1000:g}x{size.height * 1000:g}mm"),
 ]
 File = Annotated[
     Path | None,
-    BeforeValidator(lambda value: Path(value) if isinstance(value, str) and value else value),
+    BeforeValidator(
+        lambda value: Path(value) if isinstance(value, str) and value else value,
+        json_schema_input_type=str | Path | None,
+    ),
     PlainSerializer(lambda path: None if path is None else str(path.resolve()), when_used="json"),
 ]
-Placement = Annotated[str | None, AfterValidator(partial(_allow, millimetres_and_degrees))]
-Items = Annotated[tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=False))]
-InitialItems = Annotated[
-    tuple[GoalItem, ...], BeforeValidator(_goal_items), AfterValidator(partial(_plain, beginning=True))
-]
-
-
-def canvas_of(workspace: Path) -> CanvasSize:
-    """Returns the canvas of a workspace file. Raises ConfigError."""
-    from frida_painter.hardware.workcell import WorkcellConfig  # loads tensors
-
-    size = WorkcellConfig.load(workspace).canvas
-    return CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
-
-
-def paints_of(palette: Path) -> int:
-    """Returns the number of paints in a palette file or picture.
-
-    Raises ConfigError for a photograph of any other thing.
-    """
-    if is_palette_file(palette):
-        return len(read_colors(palette))
-    from frida_painter.perception.color import read_palette  # loads tensors
-
-    try:
-        return len(read_palette(palette, None))
-    except ImageError as error:
-        raise ConfigError(str(error)) from error
