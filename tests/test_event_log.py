@@ -1,5 +1,6 @@
 import errno
 import os
+import re
 import resource
 import shutil
 from collections import namedtuple
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 
 from frida_painter.errors import StorageError
 from frida_painter.event_log import EventLog, missing
+from frida_painter.locks import who
 
 RECORDS = [
     {"kind": "began", "stroke": number, "what": "Pinselstrich \N{LATIN SMALL LETTER O WITH DIAERESIS}\n"}
@@ -146,9 +148,20 @@ def test_no_journal_is_made_where_there_is_one_and_none_opened_where_there_is_no
         EventLog(tmp_path / "nothing")
 
 
-def test_only_one_process_writes(tmp_path: Path) -> None:
-    with EventLog.begin(tmp_path / "journal", RECORDS[0]), pytest.raises(StorageError, match="another process"):
-        EventLog(tmp_path / "journal")
+@pytest.mark.parametrize(
+    ("reserve", "holder"),
+    [
+        (None, f"{who()}, in process {os.getpid()}, since 20"),
+        ("", "another process"),
+        ("\0", "another process"),
+    ],
+)
+def test_only_one_process_writes_and_others_hear_which(tmp_path: Path, reserve: str | None, holder: str) -> None:
+    with EventLog.begin(tmp_path / "journal", RECORDS[0]):
+        if reserve is not None:
+            (tmp_path / ".journal-reserve").write_text(reserve)
+        with pytest.raises(StorageError, match=f"is being written by {re.escape(holder)}"):
+            EventLog(tmp_path / "journal")
     EventLog(tmp_path / "journal").close()
 
 

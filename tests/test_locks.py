@@ -1,5 +1,6 @@
 """Locks that another process holds for ever: each wait ends with a sentence."""
 
+import errno
 import fcntl
 import os
 import re
@@ -88,6 +89,26 @@ def test_a_worker_s_lock_is_refused_after_a_moment(tmp_path: Path) -> None:
         assert not lock.try_once(0.03)
     assert lock.take()
     lock.release()
+
+
+@pytest.mark.parametrize("code", ["ENOLCK", "EOPNOTSUPP", "EINVAL", "ENOSYS", "EIO", "EACCES"])
+def test_on_a_drive_without_locks_nothing_is_painted_and_nobody_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str
+) -> None:
+    def refuse(descriptor: int, operation: int) -> None:
+        number = getattr(errno, code)
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    for limit in ("_PATIENCE", "_A_MOMENT"):
+        monkeypatch.setattr(event_log, limit, 0.03)
+    monkeypatch.setattr(network, "_ENDS_WITHIN", 0.03)
+    held = code == "EACCES"  # as some drives say that another process has the lock
+    for use in (begin_feed, begin_journal, share_lock, lambda folder: EventLog.begin(folder / "new", {})):
+        (tmp_path / "journal").touch()
+        with pytest.raises(StorageError, match="another process" if held else "disk of this machine"):
+            use(tmp_path)
+    assert locks.is_held(tmp_path / "journal") is held
 
 
 def test_nobody_else_can_open_a_lock_file(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ import re
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -26,6 +27,7 @@ _START = b"0" * _CHECKSUM
 _LINE = re.compile(rb"([0-9a-f]{16}) (\d{1,9}) (\{.*\})\n")
 _LENGTH = re.compile(rb"[0-9a-f]{16} (\d{1,9}) ")
 _RESERVE = 2**20
+_LONGEST_SIGN = 400  # bytes
 _PATIENCE = 2.0  # seconds; a writer holds the lock for milliseconds
 _A_MOMENT = 0.2  # seconds after which a process that only tries the lock has released it
 _TALLY = re.compile(rb"((\d{10}) (\d{12}) ([0-9a-f]{16})) ([0-9a-f]{16})\n")
@@ -82,7 +84,7 @@ class EventLog:
                     os.ftruncate(self._descriptor, self._length)
                     os.fsync(self._descriptor)
             if policy.precious:
-                self._lay_reserve()
+                self._lay_reserve(anew=True)  # a process that was killed has left its own
         except OSError as error:
             self._let_go()
             raise self._failure(error) from error
@@ -169,8 +171,9 @@ class EventLog:
         """
         if self.policy.owned:
             if not locks.take(self._descriptor, _A_MOMENT):
+                holder = _find_holder(self.path)
                 raise StorageError(
-                    f"{self.path} is being written by another process; wait until that painting has ended, or stop it."
+                    f"{self.path} is being written by {holder}; wait until that painting has ended, or stop it."
                 )
             yield
             return
@@ -229,10 +232,13 @@ class EventLog:
         except OSError as error:
             raise self._failure(error) from error
 
-    def _lay_reserve(self) -> None:
-        if not _reserve_path(self.path).exists():
+    def _lay_reserve(self, *, anew: bool = False) -> None:
+        if anew or not _reserve_path(self.path).exists():
             try:
-                with _reserve_path(self.path).open("wb") as file:
+                with _reserve_path(self.path).open("wb", buffering=0) as file:
+                    file.write(
+                        f"{locks.who()}, in process {os.getpid()}, since {datetime.now():%Y-%m-%d %H:%M}\n".encode()
+                    )
                     os.posix_fallocate(file.fileno(), 0, _RESERVE)
             except OSError:
                 _reserve_path(self.path).unlink(missing_ok=True)  # an incomplete reserve would count as a complete one
@@ -301,6 +307,15 @@ def _reserve_path(path: Path) -> Path:
     return path.with_name(f".{path.name}-reserve")
 
 
+def _find_holder(path: Path) -> str:
+    """Returns who has laid the reserve of a log; without one, as on a full disk, that is another process."""
+    with contextlib.suppress(StorageError):
+        signed = storage.read_bytes(_reserve_path(path), "a reserve", _RESERVE)[:_LONGEST_SIGN]
+        if (name := signed.partition(b"\n")[0].decode(errors="replace")).isprintable():
+            return name or "another process"
+    return "another process"
+
+
 class LogReader:
     """Reader of the new records of a forgiving log, while others write it.
 
@@ -314,6 +329,10 @@ class LogReader:
 
     def read(self) -> list[dict[str, Any]]:
         """Returns new records in order. Waits for incomplete lines and skips damaged ones."""
+        return list(self.stream())
+
+    def stream(self) -> Iterator[dict[str, Any]]:
+        """Yields the records that `read` would return, one after another, so that a long log needs no memory."""
         try:
             with storage.open_checked(self._path, FEED.what, MAX_BYTES) as file:
                 stat, again = os.fstat(file.fileno()), 0
@@ -323,11 +342,13 @@ class LogReader:
                 file.seek(self._offset)
                 content = file.read()
         except (OSError, StorageError):
-            return []
-        found = _forgiving(content, self._last)
-        self._last, self._offset = found.last, self._offset + found.length
-        self._read += len(found.records)
-        return found.records[again:]
+            return
+        for line, record in _intact(content, self._last):
+            self._last, self._offset = line[:_CHECKSUM], self._offset + len(line)
+            if record is not None:
+                self._read += 1
+                if self._read > again:
+                    yield record
 
 
 @dataclass(frozen=True)
@@ -398,14 +419,24 @@ def _may_be_torn(tail: bytes) -> bool:
     return b"\n" not in tail[:-1] and (length is None or len(tail) <= length.end() + int(length[1]) + 1)
 
 
-def _forgiving(content: bytes, last: bytes = _START) -> _Parsed:
+def _forgiving(content: bytes) -> _Parsed:
     """Returns all intact records."""
+    last, length = _START, 0
     records: list[dict[str, Any]] = []
-    length = content.rfind(b"\n") + 1
-    lines = content[:length].split(b"\n")[:-1]
-    for line in lines:
-        with contextlib.suppress(ValueError):
-            if (record := _record(line + b"\n", last)) is not None:
-                records.append(record)
-        last = line[:_CHECKSUM]
+    for line, record in _intact(content):
+        last, length = line[:_CHECKSUM], length + len(line)
+        records += [] if record is None else [record]
     return _Parsed(records, last, length)
+
+
+def _intact(content: bytes, last: bytes = _START) -> Iterator[tuple[bytes, dict[str, Any] | None]]:
+    """Yields each complete line with its record, None if it is damaged."""
+    start = 0
+    while end := content.find(b"\n", start) + 1:
+        line = content[start:end]
+        try:
+            record = _record(line, last)
+        except ValueError:
+            record = None
+        yield line, record
+        last, start = line[:_CHECKSUM], end

@@ -5,12 +5,18 @@ alone, and each wait ends. A lock belongs to the open file, which a child proces
 (filelock.FileLock) belongs to one process.
 """
 
+import errno
 import fcntl
+import getpass
 import os
+import socket
 import time
 from pathlib import Path
 
+from frida_painter.errors import StorageError
+
 _BETWEEN_TRIES = 0.02  # seconds
+_HELD = (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES)  # some network drives say the last one
 
 
 def open_lock(path: Path) -> int:
@@ -26,13 +32,18 @@ def take(descriptor: int, seconds: float = 0.0, *, shared: bool = False) -> bool
 
     seconds: of the wait
     shared: True if others may hold it as well
-    Raises OSError.
+    Raises StorageError if the file system has no locks, as some network drives.
     """
     patience = time.monotonic() + seconds
     while True:
         try:
             fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-        except BlockingIOError:
+        except OSError as error:
+            if error.errno not in _HELD:
+                raise StorageError(
+                    f"Its drive has no locks ({error.strerror}), and two programs that write there would spoil a "
+                    "painting; choose a folder on a disk of this machine, or copy this one there."
+                ) from error
             if time.monotonic() >= patience:
                 return False
             time.sleep(_BETWEEN_TRIES)
@@ -48,8 +59,19 @@ def is_held(path: Path) -> bool:
         return False
     try:
         return not take(file, shared=True)  # shared: two processes that look do not see one another
+    except StorageError:  # nobody can hold one there
+        return False
     finally:
         os.close(file)
+
+
+def who() -> str:
+    """Returns the name of the person and of the machine, as in "ada@studio"."""
+    try:
+        name = getpass.getuser()
+    except (OSError, KeyError):
+        name = str(os.getuid())
+    return f"{name}@{socket.gethostname()}"
 
 
 def release(descriptor: int) -> None:

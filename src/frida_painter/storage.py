@@ -133,7 +133,7 @@ def read_toml(path: Path, what: str, most: int, advice: str, error: type[FridaEr
     content = read_bytes(path, what, most, error)
     try:
         values = tomllib.loads(content.decode("utf-8-sig"))
-        _require_plain(values, finite=False)  # each reader says what its numbers may be
+        _require_plain(values)  # each reader says what its numbers may be
     except (ValueError, RecursionError) as cause:
         raise error(f"{abridge(path)} is not TOML ({cause}); {advice}.") from cause
     return values
@@ -339,10 +339,14 @@ def parse_json(text: str | bytes) -> Any:
     than 50 values within one another. Raises ValueError for these too, so that readers need not expect them.
     """
     try:
-        value = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_duplicates)
+        plain = (text if isinstance(text, str) else text.decode()).strip(" \t\r\n")
+        value, end = _DECODER.raw_decode(plain)
     except RecursionError as cause:
         raise ValueError(_TOO_DEEP) from cause
-    _require_plain(value)
+    if end < len(plain):
+        raise ValueError(f"more follows after its end at character {end}")
+    if plain.count("[") + plain.count("{") > _MAX_DEPTH:
+        _require_plain(value)
     return value
 
 
@@ -377,19 +381,32 @@ def _refuse_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return record
 
 
-def _require_plain(value: Any, *, finite: bool = True) -> None:
-    """Raises ValueError for values that `parse_json` refuses; for NaN and infinity only if all must be `finite`."""
+def _require_whole(value: int) -> int:
+    if not -(2**63) <= value < 2**63:
+        raise ValueError(f"{str(value)[:12]}... is a whole number of {len(str(value))} digits, and one has at most 19")
+    return value
+
+
+def _read_float(text: str) -> float:
+    value = float(text)
+    return value if math.isfinite(value) else _refuse_constant(text)
+
+
+_DECODER = json.JSONDecoder(
+    parse_constant=_refuse_constant,
+    object_pairs_hook=_refuse_duplicates,
+    parse_int=lambda digits: _require_whole(int(digits)),
+    parse_float=_read_float,
+)
+
+
+def _require_plain(value: Any) -> None:
+    """Raises ValueError for whole numbers and depths that `parse_json` refuses."""
     values = [(value, 1)]
     while values:
         one, depth = values.pop()
         if isinstance(one, int):
-            if not -(2**63) <= one < 2**63:
-                raise ValueError(
-                    f"{str(one)[:12]}... is a whole number of {len(str(one))} digits, and one has at most 19"
-                )
-        elif isinstance(one, float):
-            if finite and not math.isfinite(one):
-                raise ValueError(f"{one} is not a number")
+            _require_whole(one)
         elif isinstance(one, dict | list):
             if depth > _MAX_DEPTH:
                 raise ValueError(_TOO_DEEP)

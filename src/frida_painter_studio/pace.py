@@ -7,6 +7,7 @@ from statistics import median
 
 from frida_painter.session import events
 from frida_painter.session.events import Event
+from frida_painter.session.time_left import measure_step
 
 LAST = 6
 """Number of paintings in the measurement."""
@@ -48,7 +49,7 @@ class WorkTimes:
         started, first = self._started, self._first
         if started is None or first is None or any(started <= wait <= first for wait in self._waits):
             return []
-        return [(first - started).total_seconds()]
+        return [_between(started, first)]
 
     def hear(self, event: Event, at: datetime) -> None:
         """Measures what an event of the feed or of the journal tells."""
@@ -70,13 +71,13 @@ class WorkTimes:
                 self._look = None
             case events.StrokePainted() | events.StrokeLeftOut():
                 if self._stroke is not None:
-                    self.strokes.append((at - self._stroke).total_seconds())
+                    self.strokes.append(_between(self._stroke, at))
                 self._first = self._first or at
                 self._stroke = at
             case events.Looked():
                 self._look = at
             case events.Planned() if self._look is not None and event.done and event.strokes >= _FEWEST:
-                self.replanning.append((at - self._look).total_seconds() / (event.strokes * self._effort))
+                self.replanning.append(_between(self._look, at) / (event.strokes * self._effort))
 
 
 def find_pace(last: Iterable[WorkTimes], *, real_time: bool) -> dict[str, float | bool]:
@@ -99,6 +100,10 @@ def find_pace(last: Iterable[WorkTimes], *, real_time: bool) -> dict[str, float 
         "replanning": _median((one for each in paintings for one in each.replanning), _REPLANNING * planning),
         "known": bool(strokes),
     }
+
+
+def _between(before: datetime, after: datetime) -> float:
+    return measure_step(before.timestamp(), after.timestamp())
 
 
 def _median(measured: Iterable[float], guess: float) -> float:

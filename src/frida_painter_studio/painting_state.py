@@ -342,7 +342,7 @@ class PaintingPage:
             "turns": state.turns.strokes,
             "game": {name: getattr(state.turns, name) for name in ("minutes", "policy", "keep")},
             "region": {"picture": state.region.picture, "only": state.region.only} if state.region else None,
-            "remark": self._without_path(state.remark),
+            "remark": self._without_path(state.remark or state.unknown_sentence),
             "wish": state.goals[-1].wish if state.goals else None,
             "making": state.is_making,
             "proposed": None if state.proposed is None else asdict(state.proposed),

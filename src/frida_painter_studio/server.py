@@ -251,7 +251,8 @@ def serve(
     )
     with contextlib.suppress(OSError, ValueError):  # there may be no standard input at all
         studio.presence.listen(sys.stdin.fileno())
-    threading.Thread(target=studio.queue.run, daemon=True, name="queue").start()
+    for name, work in (("queue", studio.queue.run), ("reading", studio.read_ahead)):
+        threading.Thread(target=work, daemon=True, name=name).start()
     server = _Server(config, studio.streams, listening, stop)
     first = f"{names[0]}:{port}" if names else sorted(known)[0]
     page = f"{'http' if certificate is None else 'https'}://{first}/?token="

@@ -35,6 +35,10 @@ class FeedStates:
         self._kept: OrderedDict[str, tuple[Callable[[], int], Any, Lock]] = OrderedDict()
         self._turn = Lock()
 
+    def knows(self, folder: PaintingFolder) -> bool:
+        """Returns True if the state of that folder was read before, so that only its new events must be."""
+        return str(folder.path) in self._kept
+
     def current(self, folder: PaintingFolder, fresh: Callable[[], Shown]) -> dict[str, Any]:
         """Returns the current state as plain values; `fresh` makes an empty one."""
         return self.view(folder, fresh, lambda state, truth: state.to_plain(truth))

@@ -9,6 +9,7 @@ import re
 import secrets
 import shutil
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -527,13 +528,9 @@ class FeedReader:
         """Returns the events since the last call, in order, without invalid lines."""
         return [event for event, _ in self.read_with_times()]
 
-    def read_with_times(self) -> list[tuple[Event, datetime | None]]:
-        """Returns the events like `read`, each with the time at which it was written, None if it has none."""
-        found: list[tuple[Event, datetime | None]] = []
-        for line in self._reader.read():
-            at: datetime | None = None
-            with contextlib.suppress(ValueError):
-                at = time_of(line).astimezone()
+    def read_with_times(self) -> Iterator[tuple[Event, datetime | None]]:
+        """Yields the events like `read`, each with the time at which it was written, None if it has none."""
+        for line in self._reader.stream():
             with contextlib.suppress(ValueError, KeyError, TypeError):
-                found += [(event, at) for event in events_of(line)]
-        return found
+                for event in events_of(line):
+                    yield event, time_of(line)

@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Callable, Set
+from collections.abc import Callable, Iterable, Iterator, Set
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from frida_painter import registry, storage
 from frida_painter.easel.kinds import PAUSE_FILE
-from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.planning.fields import family_shares
 from frida_painter.registry import are_here
@@ -31,6 +31,8 @@ from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import QUEUE, PaintingQueue, Workers, start_painting
 
 _GALLERY_EVERY = 1.0  # seconds
+_AHEAD_EVERY, _MAX_AHEAD = 2.0, 100  # seconds, and newest paintings
+_PATIENCE = 0.4  # seconds of reading for one answer about several paintings
 _RENEWED_EVERY = 2.0  # seconds
 _ROOM_TO_BEGIN, _ROOM_TO_RESUME = 200 * 2**20, 100 * 2**20  # bytes
 
@@ -92,8 +94,18 @@ class Studio:
         }
 
     def _last_times(self) -> list[WorkTimes]:
-        last = self.store.all()[:LAST]
-        return [self.feeds.view(entry.folder, PaintingPage, lambda state, truth: state.times) for entry in last]
+        last = self._read_in_time(self.store.all()[:LAST])
+        return [
+            self.feeds.view(entry.folder, PaintingPage, lambda state, truth: state.times)
+            for entry, in_time in last
+            if in_time
+        ]
+
+    def _read_in_time(self, entries: Iterable[Entry]) -> Iterator[tuple[Entry, bool]]:
+        """Yields each entry, and True if its state is known or can be read now, so that no page waits for long."""
+        until = time.monotonic() + _PATIENCE
+        for entry in entries:
+            yield entry, time.monotonic() < until or self.feeds.knows(entry.folder)
 
     def work(self) -> dict[str, Any]:
         """Returns who is at work (ids of paintings, "calibration", "setup"), and the queue in order.
@@ -118,12 +130,21 @@ class Studio:
         return [folder for folder in studio_folder.find_work(self.store.root) if folder.path.name != QUEUE]
 
     def cards(self) -> list[dict[str, Any]]:
-        """Returns the gallery's data of every painting, the newest first."""
-        return [self._card(entry) for entry in self.store.all()]
+        """Returns the gallery's data of every painting, the newest first; "reading" for those not yet read."""
+        return [self._card(entry, in_time=in_time) for entry, in_time in self._read_in_time(self.store.all())]
 
-    def _card(self, entry: Entry) -> dict[str, Any]:
-        status = self._status(entry)
-        shown = {"id": entry.id, "title": entry.title, "begun": entry.begun, **asdict(status)}
+    def read_ahead(self) -> None:
+        """Reads for ever what is painted, as it goes on, and once each other painting, so that no page waits for it."""
+        while True:
+            with suppress(FridaError, OSError):  # the folder is away for a moment
+                for entry in self.store.all()[:_MAX_AHEAD]:
+                    if not self.feeds.knows(entry.folder) or working(entry.folder):
+                        self._status(entry)
+            time.sleep(_AHEAD_EVERY)
+
+    def _card(self, entry: Entry, *, in_time: bool) -> dict[str, Any]:
+        status = asdict(self._status(entry)) if in_time else {"stage": "reading"}
+        shown = {"id": entry.id, "title": entry.title, "begun": entry.begun, **status}
         return {**shown, "picture": _best_picture(entry.folder)}
 
     def _status(self, entry: Entry) -> Status:

@@ -3,10 +3,14 @@
 import ast
 import json
 import os
+import re
 import runpy
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import pytest
 import torch
@@ -121,6 +125,34 @@ def test_a_listener_is_told_of_every_look(
     half, whole = (fp.load_picture(tmp_path / f"after-{done}.png") for done in (2, 4))
     assert whole.mean() < half.mean()
     assert capsys.readouterr().out.count("strokes are on the canvas") == 2
+
+
+def test_a_viewer_of_forty_lines_shows_a_painting_from_its_folder_alone(tmp_path: Path) -> None:
+    viewer, folder = EXAMPLES / "viewer.py", tmp_path / "painting"
+    source = viewer.read_text(encoding="utf-8")
+    imported = re.findall(r"^(?:import|from) (\w+)", source, re.MULTILINE)
+    assert source.count("\n") <= 40 and set(imported) <= sys.stdlib_module_names
+    spec = fp.RunSpec.of(goal=[{"image": PHOTO}], strokes=4, replans=1, render_height=64, effort=0.05)
+    seen: list[tuple[str, bytes]] = []
+
+    def look(event: object) -> None:
+        if isinstance(event, fp.events.StrokePainted | fp.events.Finishing):
+            page, picture = (urlopen(f"{address}/{name}").read() for name in ("", "picture"))
+            seen.append((page.decode(), picture))
+
+    with fp.PaintingRun(spec, folder, listeners=[look]) as run:
+        command = [sys.executable, "-I", str(viewer), str(folder), "0"]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+        try:
+            assert process.stdout is not None
+            address = process.stdout.readline().strip()
+            run.start()
+        finally:
+            process.kill()
+            process.communicate()
+    shown = [int(page.partition(" of 4 strokes")[0].rpartition(">")[2]) for page, _ in seen]
+    assert shown == sorted(shown) and {0, 4} & set(shown) == {4} and "last: finish" in seen[-1][0]
+    assert seen[-1][1][:3] == b"\xff\xd8\xff" and seen[-1][1] != seen[1][1], "the newest picture, a JPEG"
 
 
 def test_an_objective_of_ones_own_shapes_the_plan(tmp_path: Path) -> None:

@@ -10,8 +10,9 @@ import pytest
 import torch
 
 from frida_painter import images
+from frida_painter.cli.leading import follow
 from frida_painter.errors import StorageError
-from frida_painter.event_log import EventLog
+from frida_painter.event_log import EventLog, LogReader
 from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.events import Looked, MotionBegan, Paused, PlanningStep, StrokePainted
@@ -163,6 +164,39 @@ def test_a_journal_of_another_kind_is_refused_and_left_alone(
     assert (tmp_path / "journal").read_bytes() == content
     with pytest.raises(StorageError, match=says):
         Journal.reopen(tmp_path)
+
+
+def test_cut_at_every_byte_a_journal_is_the_same_for_all_who_read_it_and_goes_on(tmp_path: Path) -> None:
+    journal = begun(tmp_path)
+    for done in (1, 2):
+        journal.tell(MotionBegan((f"stroke {done}",), done))
+        journal.show(PlanningStep("plan", done, 2, 0.5))
+        journal.tell(StrokePainted(done, 6))
+    journal.close()
+    content, tally = ((tmp_path / name).read_bytes() for name in ("journal", ".journal-tally"))
+    records = EventLog.read(tmp_path / "journal")
+    ends = [number for number, byte in enumerate(content, 1) if byte == ord("\n")]
+    for length in range(len(content) + 1):
+        (tmp_path / "journal").write_bytes(content[:length])
+        (tmp_path / ".journal-tally").write_bytes(tally)
+        whole = records[: sum(end <= length for end in ends)]
+        if not whole:
+            for use in (read, Journal.reopen, follow):
+                with pytest.raises(StorageError):
+                    use(tmp_path)
+            continue
+        painted = sum(each["kind"] == "stroke_painted" for each in whole)
+        begun_last = whole[-1]["kind"] != "stroke_painted" and len(whole) > 1
+        watched = PaintingState.of_journal(LogReader(tmp_path / "journal").stream(), tmp_path)
+        assert (watched.painted, watched.in_doubt) == (painted, painted + 1 if begun_last else None)
+        if min(abs(length - end) for end in ends) > 1:  # each byte is opened in test_event_log.py
+            continue
+        again, told = Journal.reopen(tmp_path)
+        assert (told.painted, told.in_doubt, told.missing) == (painted, watched.in_doubt, len(records) - len(whole))
+        again.record_resume(repaint=True)
+        again.tell(StrokePainted(painted + 1, 6))
+        again.close()
+        assert (read(tmp_path).painted, read(tmp_path).given_up) == (painted + 1, [])
 
 
 def test_a_photograph_is_rather_left_out_than_the_painting_broken_off(tmp_path: Path) -> None:

@@ -3,7 +3,8 @@
 import select
 import sys
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
@@ -21,12 +22,12 @@ from frida_painter.cli.terminal import PaintingLine, terminal_at
 from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import ARM_FILM, JOURNAL, PAUSE_FILE, easel_kind
 from frida_painter.errors import Interrupted, RobotStopped
-from frida_painter.event_log import EventLog, LogReader
+from frida_painter.event_log import LogReader
 from frida_painter.registry import Later
 from frida_painter.runs.painting_folder import NOW
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import PauseCause, Paused, events_of, time_of
+from frida_painter.session.events import Event, PauseCause, Paused
 from frida_painter.session.fold import ENDS, PaintingState, require_journal
 from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
@@ -166,18 +167,21 @@ def follow(folder: Path) -> None:
         folder if storage.exists(folder / JOURNAL) or not storage.exists(folder / "painting") else folder / "painting"
     )
     require_journal(place)
-    PaintingState.of_journal(EventLog.read(place / JOURNAL), place)
     state, reader, at_work = PaintingState(), LogReader(place / JOURNAL), True
+    news: Iterable[Event] = deque(state.hear_journal(reader.stream(), place), maxlen=1)  # of the past, the last event
     with suppress(KeyboardInterrupt), PaintingLine(Console(stderr=True, highlight=False), lambda: state) as line:
-        while at_work:
+        while True:
+            for event in news:
+                line.hear(event)
+            if not at_work:
+                break
+            time.sleep(_GLANCE)
             at_work = locks.is_held(place / JOURNAL)
-            for written in reader.read():
-                for event in events_of(written):
-                    state.hear(event, time_of(written))
-                    line.hear(event)
-            time.sleep(_GLANCE if at_work else 0)
+            news = state.hear_journal(reader.stream(), place)
     ended = f"It {state.doing}." if state.doing in ENDS else "It is not at its end."
     say(f"{state.painted} of {count_of(state.of, 'stroke')} painted. {ended} {state.trouble}".strip())
+    if state.unknown:
+        say(state.unknown_sentence)
 
 
 def answer_early(run: PaintingRun) -> Callable[[Question], Answer]:

@@ -84,7 +84,7 @@ class GivenPicture:
             return painted
         done = 0
         for record in EventLog.read(journal):
-            if time_of(record).timestamp() <= taken:
+            if (at := time_of(record)) is not None and at.timestamp() <= taken:
                 painted_or_not = [one for one in events_of(record) if isinstance(one, StrokePainted | StrokeLeftOut)]
                 done = max([done, *(event.done for event in painted_or_not)])
         return min(done, painted)

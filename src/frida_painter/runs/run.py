@@ -253,10 +253,11 @@ class PaintingRun:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences for the person about lost parts of a picture, a chosen ground, and a missing camera."""
+        """Sentences for the person about a lost part of a picture, a chosen ground, no camera, and a journal."""
         chosen = "" if self._settled is None else self._settled[2]
-        blind = "" if self.spec.has_camera else NOBODY_LOOKS
-        return [remark for remark in (self._fitted.remark, chosen, blind) if remark]
+        newer = "" if self.history is None else self.history.unknown_sentence
+        told = (self._fitted.remark, chosen, "" if self.spec.has_camera else NOBODY_LOOKS, newer)
+        return [remark for remark in told if remark]
 
     @property
     def easel(self) -> Easel:

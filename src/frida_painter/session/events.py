@@ -108,6 +108,10 @@ class Timetable:
         return replace(self, drying=self.drying + seconds, after=after, dried=dried)
 
 
+class Unknown(Event):
+    """Entry of a newer program, of an unknown kind or with a field that is unknown in the event after it."""
+
+
 # Any work: a plan, a painting's process, a calibration, the setup of a machine, the teaching of a stroke, the making of
 # pictures. `what` tells the job or the result, and `detail` has more for the page.
 
@@ -668,18 +672,35 @@ def record(event: Event) -> dict[str, Any]:
     return {"kind": kind_of(type(event)), "at": at, **{name: told[name] for name in told if name not in dropped}}
 
 
-def events_of(written: Mapping[str, Any]) -> list[Event]:
-    """Returns the event of a record; an empty list for an unknown kind.
+def events_of(written: dict[str, Any]) -> list[Event]:
+    """Returns the event of a record; before it, or in its place, `Unknown` if a newer program wrote more than is known.
 
-    Raises ValueError if a field is missing or has a wrong type.
+    Raises ValueError if a resumed painting needs the event (`Durable`), and a field is missing or has a wrong type.
     """
-    kind = str(written.get("kind"))
-    return [_adapter(kind).validate_python(dict(written))] if kind in KINDS else []
+    name = str(written.get("kind"))
+    if name not in KINDS:
+        return [Unknown()]
+    try:
+        event = _adapter(name).validate_python(written)
+    except ValueError:
+        if issubclass(KINDS[name], Durable):
+            raise
+        return [Unknown()]
+    return [event] if written.keys() <= _known_keys(name) else [Unknown(), event]
 
 
-def time_of(written: Mapping[str, Any]) -> datetime:
-    """Returns the time at which a record was written. Raises ValueError if the record has no valid time."""
-    return datetime.fromisoformat(str(written.get("at")))
+def time_of(written: Mapping[str, Any]) -> datetime | None:
+    """Returns the time at which a record was written; None without a valid one, with its offset from UTC."""
+    try:
+        at = datetime.fromisoformat(str(written.get("at")))
+    except ValueError:
+        return None
+    return at if at.utcoffset() is not None and datetime.min.year < at.year < datetime.max.year else None
+
+
+@functools.cache
+def _known_keys(kind: str) -> frozenset[str]:
+    return frozenset({"kind", "at", "format", "version", *(each.name for each in fields(KINDS[kind]))})
 
 
 @functools.cache

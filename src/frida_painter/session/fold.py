@@ -1,12 +1,13 @@
 """State of a painting: one fold of its events, the same while it is painted and afterwards.
 
 Everything about a painting is read from here: the progress at the terminal, the time left, the figures of its results,
-the studio's page, and the state that a resumed painting begins from. Events of an unknown kind change nothing.
+the studio's page, and the state that a resumed painting begins from. What a newer program wrote is only counted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import deque
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -17,7 +18,7 @@ from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import StorageError
 from frida_painter.session import events
 from frida_painter.session.events import Event, events_of, time_of
-from frida_painter.session.time_left import RemainingTime
+from frida_painter.session.time_left import RemainingTime, measure_step
 
 FORMAT = "frida-painter journal"
 VERSION = 3
@@ -26,6 +27,8 @@ Doing = Literal[
     "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing", "finished", "stopped", "failed"
 ]
 ENDS: tuple[Doing, ...] = ("finished", "stopped", "failed")
+_SITTINGS = frozenset({events.PaintingBegun, events.SessionResumed})
+_GOING_ON = frozenset({events.SessionResumed, events.Finishing})
 _DOING: dict[type[Event], Doing] = {
     events.SessionResumed: "preparing",
     events.PaintsWanted: "mixing",
@@ -69,6 +72,21 @@ def require_journal(folder: Path) -> None:
         )
 
 
+def _require_beginning(first: dict[str, Any], folder: Path) -> None:
+    """Raises StorageError, or ValueError for a damaged one, unless the record begins a journal of this version."""
+    if first.get("format") != FORMAT:
+        raise StorageError(f"{folder} holds a journal that is not a painting's; give the folder of a painting.")
+    if first.get("version") != VERSION:
+        older = first.get("version") in (1, 2)
+        finish = "finish it with frida-painter 0.3" if older else "resume it with the program that began it"
+        raise StorageError(
+            f"{folder} holds a journal of version {first.get('version')!r}; this program reads version {VERSION}: "
+            f"{finish}."
+        )
+    if not isinstance(events_of(first)[-1], events.PaintingBegun):
+        raise ValueError("the painting's beginning")
+
+
 @dataclass
 class PaintingState:
     """State of a painting.
@@ -96,7 +114,7 @@ class PaintingState:
     photographs: sha256 of all files of photographs.
     dips, cleanings: numbers of dips, and of cleanings between paints.
     finished: True if the painting is complete. robot_seconds: robot time of a finished painting.
-    missing: number of records lost at the journal's end.
+    missing: number of records lost at the journal's end. unknown: number of entries of a newer program.
 
     goals: changes of the goal, in order.
     request: what a person asked for in a pause and was not done; empty if nothing is owed.
@@ -154,6 +172,7 @@ class PaintingState:
     finished: bool = False
     robot_seconds: float = 0.0
     missing: int = 0
+    unknown: int = 0
 
     goals: list[events.GoalChanged] = field(default_factory=list)
     request: dict[str, Any] = field(default_factory=dict)
@@ -194,6 +213,14 @@ class PaintingState:
         return frozenset(number - 1 for number in self.given_up)
 
     @property
+    def unknown_sentence(self) -> str:
+        """Sentence for a person about entries of a newer program; "" if there are none."""
+        if not self.unknown:
+            return ""
+        are = "entry of this journal is" if self.unknown == 1 else "entries of this journal are"
+        return f"{self.unknown} {are} of a newer program; what this one does not know of them was skipped."
+
+    @property
     def goal(self) -> str:
         """Folder of the changed goal, "" before a change."""
         return self.goals[-1].goal if self.goals else ""
@@ -215,46 +242,46 @@ class PaintingState:
 
     @classmethod
     def of_journal(cls, records: Iterable[dict[str, Any]], folder: Path) -> Self:
-        """Returns the state from the records of the journal in `folder`.
+        """Returns the state from all records of the journal in `folder`. Raises StorageError as `hear_journal` does."""
+        state = cls()
+        deque(state.hear_journal(records, folder), maxlen=0)
+        return state
+
+    def hear_journal(self, records: Iterable[dict[str, Any]], folder: Path) -> Iterator[Event]:
+        """Updates the state by the next records of the journal in `folder`; yields each event once it is heard.
 
         Raises StorageError if the journal is not a painting's, is of another version, or lacks something.
         """
-        first, *others = records
-        if first.get("format") != FORMAT:
-            raise StorageError(f"{folder} holds a journal that is not a painting's; give the folder of a painting.")
-        if first.get("version") != VERSION:
-            older = first.get("version") in (1, 2)
-            finish = "finish it with frida-painter 0.3" if older else "resume it with the program that began it"
-            raise StorageError(
-                f"{folder} holds a journal of version {first.get('version')!r}; this program reads version {VERSION}: "
-                f"{finish}."
-            )
-        state = cls()
         with storage.understanding(folder / JOURNAL, "the journal of a painting"):
-            if not isinstance(events_of(first)[0], events.PaintingBegun):
-                raise ValueError("the painting's beginning")
-            for each in (first, *others):
-                for event in events_of(each):
-                    state.hear(event, time_of(each))
-        return state
+            for written in records:
+                if not self.version:
+                    _require_beginning(written, folder)
+                at = time_of(written)
+                for event in events_of(written):
+                    self.hear(event, at)
+                    yield event
+        if not self.version:
+            _require_beginning({}, folder)
 
     def hear(self, event: Event, at: datetime | None = None) -> None:
         """Updates the state by an event that was written at that time."""
         self.version += 1
-        sitting = isinstance(event, events.PaintingBegun | events.SessionResumed)
+        kind = type(event)
+        if kind is events.Unknown:
+            self.unknown += 1
+            return
+        sitting = kind in _SITTINGS
         if at is not None:
-            begins = sitting or isinstance(event, events.WorkExpected)  # a resumed painting looks before it goes on
+            begins = sitting or kind is events.WorkExpected  # a resumed painting looks before it goes on
             if not (begins or self.finished or self.last is None):
-                self.seconds += max(0.0, (at - self.last).total_seconds())  # a clock may be set back
+                self.seconds += measure_step(self.last.timestamp(), at.timestamp())
             self.last = at
         self.runs += sitting
-        if self.doing not in ENDS or isinstance(event, events.SessionResumed | events.Finishing):
-            self.doing = _DOING.get(type(event), self.doing)
+        if self.doing not in ENDS or kind in _GOING_ON:
+            self.doing = _DOING.get(kind, self.doing)
         self.time.hear(event, 0.0 if self.last is None else self.last.timestamp())
-        self._hear_sitting(event)
-        self._hear_strokes(event, at)
-        self._hear_plans_and_looks(event)
-        self._hear_person(event)
+        if not (self._hear_strokes(event, at) or self._hear_plans_and_looks(event) or self._hear_person(event)):
+            self._hear_sitting(event)
 
     def _hear_sitting(self, event: Event) -> None:
         match event:
@@ -276,8 +303,11 @@ class PaintingState:
                 self.results = tuple(name for name, is_there in there.items() if is_there)
                 self.doing = "failed" if self.trouble else "stopped" if self.stopped else "finished"
 
-    def _hear_strokes(self, event: Event, at: datetime | None) -> None:
+    def _hear_strokes(self, event: Event, at: datetime | None) -> bool:
+        """Returns True if it is such an event, as the next two do."""
         match event:
+            case events.MotionBegan(stroke=None):
+                pass
             case events.MotionBegan(stroke=int(stroke)):
                 self.in_doubt, self.proposed, self.paused = stroke, None, False
                 self.doing = "painting" if self.doing == "paused" else self.doing  # at the terminal nobody tells it
@@ -297,8 +327,11 @@ class PaintingState:
                 self.brush, self.first_paint, self.paint = brush, first, None
             case events.BrushInHand(brush):
                 self.held, self.brush = brush, brush or ""
+            case _:
+                return False
+        return True
 
-    def _hear_plans_and_looks(self, event: Event) -> None:
+    def _hear_plans_and_looks(self, event: Event) -> bool:
         match event:
             case events.PlanAdopted():
                 self.plannings.append(event)
@@ -330,6 +363,9 @@ class PaintingState:
                 self._keep_photograph(picture, content)
             case events.CanvasPicture(picture):
                 self.assumed = picture
+            case _:
+                return False
+        return True
 
     def _hear_planned(self, planned: events.Planned) -> None:
         done = planned.done
@@ -342,7 +378,7 @@ class PaintingState:
         if self.looks and self.looks[-1].told.done == done and self.looks[-1].planned is None:
             self.looks[-1] = replace(self.looks[-1], planned=planned)
 
-    def _hear_person(self, event: Event) -> None:
+    def _hear_person(self, event: Event) -> bool:
         match event:
             case events.Paused():
                 self.pause, self.paused, self._why = event, True, ""
@@ -375,6 +411,9 @@ class PaintingState:
             case events.PersonPaintShown(picture):
                 if self.looks:
                     self.looks[-1] = replace(self.looks[-1], found=picture)
+            case _:
+                return False
+        return True
 
     def _keep_photograph(self, file: str | None, content: str | None) -> None:
         self.photographed += 1

@@ -7,9 +7,7 @@ lost. `Journal.state` folds all of them.
 """
 
 import contextlib
-import getpass
 import os
-import socket
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -19,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, storage
+from frida_painter import images, locks, storage
 from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import StorageError
 from frida_painter.event_log import EventLog
@@ -194,8 +192,4 @@ def placement_of(planning: PlanAdopted) -> Placement:
 
 def _who() -> dict[str, Any]:
     """Returns the person's name and machine, the process number and the program version."""
-    try:
-        name = getpass.getuser()
-    except (OSError, KeyError):
-        name = str(os.getuid())
-    return {"by": f"{name}@{socket.gethostname()}", "process": os.getpid(), "program": version("frida-painter")}
+    return {"by": locks.who(), "process": os.getpid(), "program": version("frida-painter")}

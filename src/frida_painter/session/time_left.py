@@ -16,6 +16,7 @@ from frida_painter.session.events import Event
 # and of a second of a simulated robot's timetable.
 _PLANNING, _STROKE, _TIMETABLE = 2.5e-5, 0.1, 0.02
 _TOO_SHORT = 0.5  # seconds of a processor that do not tell yet how busy a machine is
+_LONGEST_STEP = 3600.0  # seconds between two events of one sitting
 _GROWING_COST = 1.4  # later iterations of a plan, with all strokes placed, take longer than the first
 
 
@@ -44,6 +45,14 @@ class Pace:
     def time_for(self, units: float) -> float:
         """Returns the seconds for that much work; infinite if neither a guess nor a measurement is known."""
         return units * self.seconds if units > 0 else 0.0
+
+
+def measure_step(before: float, after: float) -> float:
+    """Returns the seconds between two times of one sitting, in [0, 3600].
+
+    The clock may be set back or forward in between, and the machine may sleep.
+    """
+    return min(max(0.0, after - before), _LONGEST_STEP)
 
 
 def share_of_plan(iteration: int, of: int) -> float:
@@ -84,17 +93,19 @@ class PlanTime:
         return (1 - share) * max(self._expected * busy, passed)
 
 
-_PERSON = (
-    events.Paused | events.GroundWanted | events.PaintsWanted | events.Asked | events.Answered
-    | events.PersonStrokeBegan | events.PersonStrokePainted
-)  # fmt: skip
+_PERSON = frozenset({
+    events.Paused, events.GroundWanted, events.PaintsWanted, events.Asked, events.Answered, events.PersonStrokeBegan,
+    events.PersonStrokePainted,
+})  # fmt: skip
 """A person is waited for after these."""
-_ROBOT = (
-    events.WentOn | events.MotionBegan | events.Dipped | events.LayerBegun | events.BrushInHand | events.StrokePainted
-    | events.StrokeLeftOut
-)  # fmt: skip
+_ROBOT = frozenset({
+    events.WentOn, events.MotionBegan, events.Dipped, events.LayerBegun, events.BrushInHand, events.StrokePainted,
+    events.StrokeLeftOut,
+})  # fmt: skip
 """The robot is at work again."""
-_COMPUTING = events.PlanningStep | events.PlanAdopted | events.Planned | events.Scheduled | events.Resumed
+_COMPUTING = frozenset({
+    events.PlanningStep, events.PlanAdopted, events.Planned, events.Scheduled, events.Resumed,
+})  # fmt: skip
 """The time before these was no painting."""
 
 
@@ -126,15 +137,16 @@ class RemainingTime:
 
     def hear(self, event: Event, now: float) -> None:
         """Receives an event at time `now` (seconds)."""
-        passed, self._last = max(0.0, now - (now if self._last is None else self._last)), now
-        steps, self._steps = self._steps, isinstance(event, events.PlanningStep)
-        person = isinstance(event, _PERSON) or event == events.BrushInHand(None)
+        passed, self._last = measure_step(now if self._last is None else self._last, now), now
+        kind = type(event)
+        steps, self._steps = self._steps, kind is events.PlanningStep
+        person = kind in _PERSON or (isinstance(event, events.BrushInHand) and event.brush is None)
         counts = self._wet is None and not person and (not self._waits or (steps and self._steps))
         if self._wet is None and not counts:
             self._since = None
-        elif self._since is not None and counts and not isinstance(event, _COMPUTING):
+        elif self._since is not None and counts and kind not in _COMPUTING:
             self._since += passed
-        self._waits = person or (self._waits and not isinstance(event, _ROBOT))
+        self._waits = person or (self._waits and kind not in _ROBOT)
         match event:
             case events.WorkExpected(strokes, looks, planning, replanning):
                 self._strokes, self._looks = strokes, [look for look in looks if look > self._painted]

@@ -12,6 +12,7 @@ export const STAGES = {
   preparing: ["starting", "busy"], mixing: ["being painted", "busy"], drying: ["being painted", "busy"], painting: ["being painted", "busy"],
   replanning: ["being painted", "busy"], paused: ["paused", "yours"], finishing: ["making the film", "busy"],
   finished: ["finished", "done"], stopped: ["stopped", "stopped"], failed: ["failed", "failed"], lost: ["its folder was deleted", "failed"],
+  reading: ["being read", "waiting"],
 };
 // Each mark has a shape too, for those who see no difference of colours.
 export const SHAPES = {
@@ -32,10 +33,12 @@ export function gallery(house) {
       house.role === "watch" ? h("p", {}, "You may watch here, and stop everything. To paint, ask whoever opened the studio for another link.")
         : h("p", {}, h("a", { class: "button", href: "#/new" }, "Start a painting"))),
     queue.element, examples, shelf);
-  let shown = "";
+  let shown = "", again = 0;
 
   const fill = () => house.attempt(async () => {
     const paintings = await api.get("/api/paintings");
+    clearTimeout(again);
+    if (paintings.some((/** @type {{ stage: string }} */ one) => one.stage === "reading")) again = setTimeout(fill, 500); // long ones, or many
     const key = JSON.stringify(paintings);
     if (key === shown) return;
     shown = key;
@@ -49,8 +52,8 @@ export function gallery(house) {
     fill();
   }
   hear(house.work.latest);
-  const close = house.work.listen(hear);
-  return { element, close };
+  const deaf = house.work.listen(hear);
+  return { element, close() { deaf(); clearTimeout(again); } };
 }
 
 function card(painting) {
