@@ -83,13 +83,10 @@ def window(browser: Browser, studio: Served, width: int, height: int, **more: An
 
 def kill_worker(folder: Path) -> None:
     """Kills the process that paints in a folder."""
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
+    for log in Path("/proc").glob("[0-9]*/fd/2"):
         with contextlib.suppress(OSError):
-            if (
-                b"frida_painter_studio.worker_process" in path.read_bytes()
-                and str(folder).encode() in path.read_bytes()
-            ):
-                os.kill(int(path.parent.name), signal.SIGKILL)
+            if log.resolve() == folder.resolve() / "worker.log":
+                os.kill(int(log.parts[2]), signal.SIGKILL)
 
 
 def drag(page: Page, *places: tuple[float, float]) -> None:

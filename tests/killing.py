@@ -12,7 +12,6 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 from typing import IO, Any, NoReturn
 from unittest.mock import patch
 
@@ -21,8 +20,9 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from frida_painter import picture_file, python_process
-from frida_painter.errors import ImageError
+from frida_painter.errors import FridaError, ImageError, ProcessLost
 from frida_painter.event_log import EventLog
+from frida_painter.python_process import OwnProcess
 
 
 def kill_when(journal: Path, moment: Callable[[dict[str, Any]], bool], work: Callable[[], None]) -> None:
@@ -218,25 +218,35 @@ class ForkedCommand(ForkedProcess):
         self._err.close()
 
 
-class _ForkedEasel(ForkedProcess):
-    """`python -m frida_painter.easel.host WIRE LINE ROBOT`, as EaselProcess starts it."""
+def call_here(self: OwnProcess[..., Any], *given: Any, **named: Any) -> Any:
+    """Stands in for `OwnProcess.__call__`: the function runs in this process, which has loaded all libraries."""
+    try:
+        return self.function(*given, **named)
+    except FridaError:
+        raise
+    except Exception as failure:
+        raise ProcessLost(f"{type(failure).__name__}: {failure}") from failure
 
-    def __init__(self, *words: Any, stdout: int, stderr: IO[Any], **more: Any) -> None:
-        assert words[:2] == ("-m", "frida_painter.easel.host") and stdout == subprocess.DEVNULL
-        from frida_painter.easel import host
 
-        super().__init__(lambda: host.main(*words[2:]), stderr=stderr, **more)
+_START = python_process.start
+
+
+def _start_forked(*words: Any, stdin: Any = None, stdout: Any = None, **options: Any) -> Any:
+    """As `python_process.start`; an easel's process is forked from this one."""
+    if words[2:3] != ("frida_painter.easel.host:serve_easel",):
+        return _START(*words, stdin=stdin or subprocess.DEVNULL, stdout=stdout, **options)
+    return ForkedProcess(lambda: python_process.serve(*words[2:]), **options)
 
 
 @contextmanager
 def forked_easels() -> Iterator[None]:
     """Easels' processes are forked from this one; all else about them stays."""
-    with patch("frida_painter.easel.parent.python_process", SimpleNamespace(start=_ForkedEasel)):
+    with patch("frida_painter.python_process.start", _start_forked):
         yield
 
 
 @contextmanager
 def fresh_easels() -> Iterator[None]:
     """Within `forked_easels`: easels' processes are started as people have them."""
-    with patch("frida_painter.easel.parent.python_process", python_process):
+    with patch("frida_painter.python_process.start", _START):
         yield

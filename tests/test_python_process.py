@@ -7,14 +7,21 @@ import re
 import socket
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from PIL import Image
 
 import frida_painter
 from frida_painter import python_process
-from frida_painter_words import svg_process
+from frida_painter.errors import ImageError, ProcessLost
+from frida_painter.python_process import ProcessLimits
+from frida_painter.weights.pipeline_folder import PipelineFolder
+from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_words.picture_makers.pipeline_process import PipelineTask
+from frida_painter_words.svg_process import draw
 from test_house import SOURCES
 
 ROOT = Path(frida_painter.__file__).parent
@@ -63,43 +70,73 @@ def picture() -> bytes:
     return file.getvalue()
 
 
-# Arguments, input and status of each process, so that it imports what its work needs. The input None stays open.
-CHILDREN = {
-    "frida_painter.easel.host": (("SOCKET", "SOCKET", "virtual"), None, 0),
-    "frida_painter.picture_file": (("a.png", "9999", "9", "3"), picture(), 0),
-    "frida_painter_words.picture_makers.pipeline_process": ((".",), None, 1),
-    "frida_painter_studio.reader": (("picture",), picture(), 0),
-    "frida_painter_studio.reader makers": (("command:true", "diffusers:a/b"), None, 0),
-    "frida_painter_studio.stop_listener": (("nowhere", "-1", "-1", "-1", "{}"), None, 1),
-    "frida_painter_studio.worker_process": (("plan", "FOLDER", "1", "-1", "{}"), None, 1),
-    "huggingface_hub.cli.hf": (("download", "a/b", "-q"), None, 1),
-    "pip": (("download", "--no-index", "nothing-of-this-name"), None, 1),
-    svg_process.__file__: ((), b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"/>', 0),
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 9 9"/>'
+PIPELINE = PipelineTask(
+    PipelineFolder(Path("none"), "none", "None", (), None, 1), steps=1, hashes=None, words="a sea", seeds=(), width=64,
+    height=64, device="cpu", canvas=None, free=None, pictures=Path("none"),
+)  # fmt: skip
+# Functions that are called in processes of their own: arguments, so that each imports what its work needs, and what it
+# answers. "FILE" is an open file with a picture, "SOCKET" a socket.
+FUNCTIONS: dict[str, tuple[dict[str, Any], str]] = {
+    "frida_painter.easel.host:serve_easel": ({"line": "SOCKET", "name": "virtual"}, "error"),
+    "frida_painter.picture_file:decode_alone": (
+        {"path": Path("a.png"), "file": "FILE", "most_pixels": 9999, "longest": 9, "layered": False}, "result"
+    ),
+    "frida_painter_words.picture_makers.pipeline_process:make_pictures": ({"task": PIPELINE}, "tell"),
+    "frida_painter_studio.reader:decode_upload": ({"content": picture()}, "result"),
+    "frida_painter_studio.reader:check_makers": ({"makers": ("command:true", "diffusers:a/b")}, "result"),
+    "frida_painter_studio.reader:read_canvas": ({"workspace": Path("none")}, "error"),
+    "frida_painter_studio.worker_process:do_job": (
+        {"what": "plan", "path": Path("FOLDER"), "number": 1, "lock": "FILE", "easel": WebAppEasel(Path("none"))},
+        "result",
+    ),
+    "frida_painter_words.svg_process:draw": ({"svg": SVG, "name": "a.svg"}, "result"),
+}  # fmt: skip
+# Arguments of the other programs, and their status.
+PROGRAMS = {
+    "frida_painter_studio.stop_listener": (("nowhere", "-1", "-1", "-1", "{}"), 1),
+    "huggingface_hub.cli.hf": (("download", "a/b", "-q"), 1),
+    "pip": (("download", "--no-index", "nothing-of-this-name"), 1),
 }
 
 
-@pytest.mark.parametrize("child", CHILDREN)
-def test_no_process_loads_code_from_the_current_folder(
-    child: str, place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def among_poison(place: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The place, with the current folder in its worst part."""
     monkeypatch.chdir(place / "all")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(("", str(ROOT.parent), ".")))
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    arguments, given, status = CHILDREN[child]
-    reading, writing = os.pipe()  # stays open
+    return place
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_no_function_in_its_own_process_loads_code_from_the_current_folder(
+    name: str, among_poison: Path, tmp_path: Path
+) -> None:
     ours, its = socket.socketpair()
-    ours.close()
-    (tmp_path / "input").write_bytes(given or b"")
-    values = {"SOCKET": its.fileno(), "FOLDER": tmp_path}
-    program = [*child.split(" "), *(values.get(word, word) for word in arguments)]
-    with its, (tmp_path / "input").open("rb") as file:
-        done = python_process.run(
-            *(program if Path(child).is_absolute() else ["-m", *program]),
-            stdin=reading if given is None else file, pass_fds=[its.fileno()], timeout=300,
-        )  # fmt: skip
-    os.close(reading)
-    os.close(writing)
-    assert (loaded(place), done.returncode) == ([], status), done.stderr.decode()
+    (tmp_path / "a.png").write_bytes(picture())
+    with ours, its, (tmp_path / "a.png").open("rb") as file, (tmp_path / "said").open("wb") as said:
+        values = {"FILE": file, "SOCKET": its, Path("FOLDER"): tmp_path}
+        arguments, answer = FUNCTIONS[name]
+        given = {
+            key: values.get(value, value) if isinstance(value, str | Path) else value
+            for key, value in arguments.items()
+        }
+        process, wire = python_process.start_function(name, given, stderr=said)
+        if "line" in given:
+            wire.send({"order": {}})
+        assert answer in wire.receive(300)[0], (tmp_path / "said").read_text()
+        wire.close()
+        process.wait(60)
+    assert loaded(among_poison) == []
+
+
+@pytest.mark.parametrize("child", PROGRAMS)
+def test_no_process_loads_code_from_the_current_folder(child: str, among_poison: Path) -> None:
+    arguments, status = PROGRAMS[child]
+    process = python_process.start("-m", child, *arguments, stderr=subprocess.PIPE)
+    said = process.communicate(timeout=300)[1]
+    assert (loaded(among_poison), process.returncode) == ([], status), said.decode()
 
 
 def test_no_process_of_a_sweep_loads_code_from_the_current_folder(place: Path, tmp_path: Path) -> None:
@@ -126,15 +163,46 @@ def test_the_poison_works(place: Path) -> None:
     assert loaded(place) == ["filelock"]
 
 
-def test_every_process_of_ours_is_in_the_table() -> None:
-    """A module that does something when it is run is one."""
-    run = {path for path in SOURCES if re.search("^if __name__ ==", path.read_text(encoding="utf-8"), re.M)}
-    run.remove(ROOT / "__main__.py")
-    modules = {".".join(path.relative_to(ROOT.parent).with_suffix("").parts): path for path in run}
-    assert {modules.get(child.partition(" ")[0], Path(child)) for child in CHILDREN} == run | {
-        Path("pip"),
-        Path("huggingface_hub.cli.hf"),
+def test_every_process_of_ours_is_in_the_tables() -> None:
+    """The program, the process of a function and the listener for stops are all that Python runs as a module."""
+    texts = {".".join(path.relative_to(ROOT.parent).with_suffix("").parts): path.read_text("utf-8") for path in SOURCES}
+    run = {name for name, text in texts.items() if re.search("^if __name__ ==", text, re.M)}
+    assert run == {"frida_painter.__main__", "frida_painter.python_process", "frida_painter_studio.stop_listener"}
+    marked = {
+        f"{name}:{function}"
+        for name, text in texts.items()
+        for function in re.findall(r"^@in_own_process\([^@]*?\)\ndef (\w+)", text, re.M)
     }
+    assert marked == set(FUNCTIONS)
+
+
+@pytest.mark.parametrize(
+    "name", ["os:system", "frida_painter.storage:write_text", "frida_painter.errors:none", "frida_painter", "a/b:c"]
+)
+def test_only_marked_functions_of_the_painter_are_called(name: str) -> None:
+    with pytest.raises(ProcessLost, match="is no function that is called in a process of its own"):
+        python_process.serve(name, -1)
+
+
+def test_a_process_ends_with_the_one_that_waits_for_its_answer() -> None:
+    ours, its = socket.socketpair()
+    with ours, its:
+        given = {"line": its, "name": "virtual"}
+        process, wire = python_process.start_function("frida_painter.easel.host:serve_easel", given, awaited=True)
+        wire.close()
+        assert process.wait(60) == 1
+
+
+def test_what_ends_a_process_is_told_and_errors_come_as_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(ImageError, match=r"a\.svg cannot be drawn"):
+        draw(b"<html/>", "a.svg")
+    with pytest.raises(ProcessLost, match=r"^It did not answer within 0.01 s\.$"):
+        replace(draw, limits=ProcessLimits(seconds=0.01))(SVG, "a.svg")
+    with pytest.raises(ProcessLost, match=r"^KeyError: .no bytes.$"):
+        draw("no bytes", "a.svg")  # type: ignore[arg-type]
+    with pytest.raises(ProcessLost, match=r"^Its process ended with status 1; it said: ModuleNotFoundError"):
+        monkeypatch.setattr(draw.function, "__module__", "frida_painter.nowhere")
+        draw(SVG, "a.svg")
 
 
 def test_the_environment_has_no_folders_relative_to_the_current_one(

@@ -165,5 +165,9 @@ class TryFailed(FridaError):
     """Run of a sweep that failed, hung or was killed. It is tried again, and then reported."""
 
 
+class ProcessLost(FridaError):
+    """Process of the painter that was killed or failed, or did not answer in time; it can be started again."""
+
+
 class Interrupted(FridaError):
     """Stop request of a person; the results so far are kept."""

@@ -4,18 +4,15 @@ Size is checked before a pixel is decoded. Each error of a decoder becomes one s
 counts, not its name; content that cannot be read is refused by name. libvips decodes in strips if the format has
 strips, so a picture of 100 megapixels need not fit in memory. Pillow decodes BMP, and libheif decodes HEIC.
 
-`python -m frida_painter.picture_file NAME PIXELS SIDE 3` decodes its
-input, a file, and writes the picture to its output, as numpy.save does (4: with opacity). A process that was forked
-from one that has used libvips needs that: the threads of libvips are not there, and it would wait for them for ever.
+A process that was forked from one that has used libvips has a picture decoded in another process: the threads of
+libvips are not there, and it would wait for them for ever.
 """
 
 import contextlib
-import io
 import logging
 import os
 import re
 import struct
-import sys
 import tempfile
 import warnings
 from collections.abc import Sequence
@@ -30,8 +27,9 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, TiffTags
 from PIL.TiffImagePlugin import ImageFileDirectory_v2 as Tags
 
-from frida_painter import python_process, storage
-from frida_painter.errors import ImageError
+from frida_painter import storage
+from frida_painter.errors import ImageError, ProcessLost
+from frida_painter.python_process import in_own_process
 
 if TYPE_CHECKING:
     import pyvips
@@ -178,7 +176,6 @@ LONGEST = 4096
 WHAT = "a JPEG, PNG, WebP, TIFF, HEIC, AVIF, BMP or GIF picture"
 _MAX_BYTES = 2**30
 _MAX_PARTS = 100  # pages of a TIFF, pictures in a page, chunks of a PNG
-_REFUSED = 2  # exit status
 _OF_PILLOW = ("JPEG", "PNG", "WEBP", "TIFF", "BMP", "GIF", "AVIF")
 _DCF = "exif-ifd4-InteroperabilityIndex"  # R03 means Adobe RGB
 _READ = ("JPEG", "PNG", "WebP", "TIFF", "GIF", "BMP", "HEIC", "AVIF")
@@ -236,7 +233,10 @@ def _decode(given: "_Given") -> Bytes | Floats:
     if name not in _READ:
         raise ImageError(f"{path} is {name}, not a picture that can be read; give {WHAT}.")
     if _process_of_libvips.cache_info().currsize and _process_of_libvips() != os.getpid():
-        return _decode_in_new_process(given)
+        try:
+            return decode_alone(path, given.file, given.most_pixels, given.longest, given.layered)
+        except ProcessLost as lost:
+            raise ImageError(f"{path} could not be decoded in a process of its own ({lost}); try again.") from lost
     try:
         with warnings.catch_warnings():  # Pillow's, about metadata and large pictures, are of no use to a painter
             warnings.simplefilter("ignore")
@@ -258,13 +258,10 @@ def _process_of_libvips() -> int:
     return os.getpid()
 
 
-def _decode_in_new_process(given: "_Given") -> Bytes | Floats:
-    words = (given.path, given.most_pixels, given.longest, "4" if given.layered else "3")
-    made = python_process.run("-m", __name__, *words, stdin=given.file)
-    if made.returncode == 0:
-        return np.asarray(np.load(io.BytesIO(made.stdout), allow_pickle=False))
-    said = made.stderr.decode("utf-8", "replace").strip() if made.returncode == _REFUSED else ""
-    raise ImageError(said or f"{given.path} could not be decoded in a process of its own; try again.")
+@in_own_process()
+def decode_alone(path: Path, file: BinaryIO, most_pixels: int, longest: int, layered: bool) -> NDArray[Any]:
+    """Decodes an open picture file like `decode`, or with its opacity, in a process of its own."""
+    return _decode(_Given(path, file, most_pixels, longest, layered))
 
 
 def is_picture(name: str) -> bool:
@@ -515,13 +512,3 @@ def _read_heif(given: _Given) -> _Stored:
 
 
 _READERS = {"TIFF": _read_tiff, "BMP": _read_bmp, "HEIC": _read_heif, "AVIF": _read_heif}
-
-
-if __name__ == "__main__":
-    try:
-        _, name, pixels, side, channels = sys.argv
-        order = _Given(Path(name), sys.stdin.buffer, int(pixels), int(side), channels == "4")
-        np.save(sys.stdout.buffer, _decode(order))
-    except ImageError as refused:
-        print(refused, file=sys.stderr)
-        sys.exit(_REFUSED)

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
 from frida_painter.session.events import PicturesMade
-from frida_painter_studio.reader import ask_reader
+from frida_painter_studio.reader import check_makers
 from frida_painter_studio.studio_folder import MAKING_SUFFIX, KeptRequest, Side, Words
 
 MADE = "made"
@@ -46,7 +46,7 @@ class AllowedMakers:
         """
         by_label: dict[str, str] = {}
         if makers:
-            ask_reader("makers", *makers)
+            check_makers(tuple(makers))
         for maker in makers:
             label, again = label_of(maker), 1
             while label in by_label:

@@ -1,56 +1,27 @@
-"""Process that reads what loads arrays and tensors, which the page's process must not hold.
+"""Reading of what loads arrays and tensors, which the page's process must not hold, in processes of their own."""
 
-`python -m frida_painter_studio.reader picture` decodes one picture, with limits: a file in, a PNG out.
-`python -m frida_painter_studio.reader makers NAME:TEXT...` opens picture makers, to find what is wrong; nothing is
-made.
-`python -m frida_painter_studio.reader canvas FILE` prints width and height of a workspace's canvas in millimetres.
-It ends with status 2, and a sentence on the standard error, if something is wrong.
-"""
-
-import os
-import resource
-import sys
 import tempfile
+from io import BytesIO
 from pathlib import Path
 
-from frida_painter import python_process
 from frida_painter.errors import ConfigError, FridaError, ImageError
+from frida_painter.python_process import ProcessLimits, in_own_process
 
-_PATIENCE = 120.0  # seconds
+_PATIENCE = ProcessLimits(seconds=120.0)
 _MAX_PIXELS = 50_000_000
 _LONGEST = 2048
-_MAX_MEMORY = 2 * 2**30
-_MAX_SECONDS = 20
-_MAX_WRITTEN = 64 * 2**20
+_UPLOAD = ProcessLimits(seconds=30.0, processor=20, memory=2 * 2**30, written=64 * 2**20, niceness=5)
 
 
-def ask_reader(what: str, *given: object) -> str:
-    """Returns what such a process prints. Raises ConfigError with its sentence."""
-    said = python_process.run("-m", "frida_painter_studio.reader", what, *given, text=True, timeout=_PATIENCE)
-    if said.returncode:
-        words = said.stderr.strip().splitlines() or [f"{given} cannot be read."]
-        raise ConfigError(words[-1])
-    return str(said.stdout)
-
-
-def limit() -> None:
-    """Limits memory, time and written bytes of this process."""
-    for kind, most in (
-        (resource.RLIMIT_AS, _MAX_MEMORY), (resource.RLIMIT_CPU, _MAX_SECONDS),
-        (resource.RLIMIT_FSIZE, _MAX_WRITTEN), (resource.RLIMIT_CORE, 0),
-    ):  # fmt: skip
-        resource.setrlimit(kind, (most, most))
-
-
-def _decode_picture() -> None:
+@in_own_process(_UPLOAD, OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", VIPS_CONCURRENCY="1")
+def decode_upload(content: bytes) -> bytes:
+    """Returns the content of a picture file as PNG, with at most 2048 pixels a side. Raises ImageError."""
     from PIL import Image
 
     from frida_painter import picture_file
 
-    limit()
-    os.nice(5)  # a painting has priority
     with tempfile.NamedTemporaryFile(prefix="upload-") as file:
-        file.write(sys.stdin.buffer.read())
+        file.write(content)
         file.flush()
         try:
             pixels = picture_file.decode(Path(file.name), most_pixels=_MAX_PIXELS, longest=_LONGEST)
@@ -58,32 +29,27 @@ def _decode_picture() -> None:
             raise ImageError(str(trouble).replace(file.name, "The file")) from trouble
     if pixels.dtype.kind == "f":
         pixels = (pixels.clip(0, 1) * 255).round()
-    Image.fromarray(pixels.astype("uint8")).save(sys.stdout.buffer, format="PNG")
+    made = BytesIO()
+    Image.fromarray(pixels.astype("uint8")).save(made, format="PNG")
+    return made.getvalue()
 
 
-def main() -> None:
-    """Reads what the command line names."""
-    what, *given = sys.argv[1:]
-    try:
-        if what == "picture":
-            _decode_picture()
-        elif what == "makers":
-            from frida_painter_words.picture_makers.making import open_picture_maker
+@in_own_process(_PATIENCE)
+def check_makers(makers: tuple[str, ...]) -> None:
+    """Opens picture makers, each as NAME:TEXT; nothing is made. Raises ConfigError for the first that is wrong."""
+    from frida_painter_words.picture_makers.making import open_picture_maker
 
-            for maker in given:
-                try:
-                    open_picture_maker(maker)
-                except FridaError as fault:
-                    raise ConfigError(f"--imagine {maker[:80]!r}: {fault}") from fault
-        else:
-            from frida_painter.hardware.workcell import WorkcellConfig
-
-            size = WorkcellConfig.load(Path(given[0])).canvas
-            print(1000 * size.width, 1000 * size.height)
-    except FridaError as fault:
-        print(fault, file=sys.stderr)
-        sys.exit(2)
+    for maker in makers:
+        try:
+            open_picture_maker(maker)
+        except FridaError as fault:
+            raise ConfigError(f"--imagine {maker[:80]!r}: {fault}") from fault
 
 
-if __name__ == "__main__":
-    main()
+@in_own_process(_PATIENCE)
+def read_canvas(workspace: Path) -> tuple[float, float]:
+    """Returns width and height of the canvas in a workspace file, in millimetres. Raises ConfigError."""
+    from frida_painter.hardware.workcell import WorkcellConfig
+
+    size = WorkcellConfig.load(workspace).canvas
+    return 1000 * size.width, 1000 * size.height

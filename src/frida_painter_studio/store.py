@@ -8,7 +8,6 @@ import re
 import secrets
 import shutil
 import sqlite3
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
@@ -16,9 +15,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from frida_painter import python_process, storage
+from frida_painter import storage
 from frida_painter.easel.kinds import JOURNAL
-from frida_painter.errors import ImageError, Interrupted, StorageError
+from frida_painter.errors import ImageError, Interrupted, ProcessLost, StorageError
+from frida_painter_studio.reader import decode_upload
 from frida_painter_studio.studio_folder import FAMILIES, PICTURES, PaintingFolder, forget_lock, require_disk
 
 _SCHEMA = """
@@ -161,7 +161,6 @@ class PaintingStore:
 #
 # Each picture is decoded in its own process with limits of memory and time, so that a bad file harms nothing else.
 
-MAX_SECONDS = 30.0
 _MAX_WAITING = 8
 _TOO_MUCH = "The file needs more memory or time than a picture is given here; make it smaller first."
 
@@ -197,19 +196,11 @@ def keep(content: bytes, folder: Path) -> str:
     identifier = secrets.token_hex(16)
     folder.mkdir(parents=True, exist_ok=True)
     require_disk(folder, 2**26)
-    with storage.replacing(folder / f"{identifier}.png", mode=0o600) as temporary, temporary.open("wb") as decoded:
-        single = python_process.environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", VIPS_CONCURRENCY="1")
+    with storage.replacing(folder / f"{identifier}.png", mode=0o600) as temporary:
         try:
-            done = python_process.run(
-                "-m", "frida_painter_studio.reader", "picture", input=content, stdout=decoded, timeout=MAX_SECONDS,
-                env=single, start_new_session=True,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            raise ImageError(_TOO_MUCH) from None
-        if done.returncode == 2:
-            raise ImageError(done.stderr.decode(errors="replace").strip().replace("\n", " "))
-        if done.returncode != 0:
+            temporary.write_bytes(decode_upload(content))
+        except ProcessLost as lost:
             with contextlib.suppress(OSError):
-                print(done.stderr.decode(errors="replace")[-2000:], file=sys.stderr)
-            raise ImageError(_TOO_MUCH)
+                print(lost, file=sys.stderr)
+            raise ImageError(_TOO_MUCH) from lost
     return identifier

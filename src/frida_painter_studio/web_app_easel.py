@@ -5,10 +5,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Self
 
-from pydantic import TypeAdapter
-
 from frida_painter.easel.kinds import HUMAN, NO_CAMERA, is_machine, is_simulated, require_equipment
-from frida_painter_studio.reader import ask_reader
+from frida_painter_studio.reader import read_canvas
 
 LOCAL = "127.0.0.1"
 """Address that only the studio's own machine can reach."""
@@ -62,14 +60,4 @@ class WebAppEasel:
             require_equipment(self.robot, self.workspace, self.camera)
         if self.workspace is None:
             return self
-        width, height = map(float, ask_reader("canvas", self.workspace).split())
-        return replace(self, canvas=(width, height))
-
-    def to_json(self) -> str:
-        """Returns the easel as JSON, for worker processes."""
-        return TypeAdapter(WebAppEasel).dump_json(self).decode()
-
-    @classmethod
-    def from_json(cls, text: str) -> "WebAppEasel":
-        """Returns the easel of `to_json`."""
-        return TypeAdapter(WebAppEasel).validate_json(text)
+        return replace(self, canvas=read_canvas(self.workspace))

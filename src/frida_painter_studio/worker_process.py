@@ -1,9 +1,5 @@
 """Worker process of the studio: it hears a stop from its first moment; it may outlive the page's process.
 
-Run it with `python -m frida_painter_studio.worker_process JOB FOLDER NUMBER LOCK EASEL`. JOB is the work. FOLDER is the
-painting's folder. NUMBER is one of its plans. LOCK is the open lock file of the painting, held until the work is
-done. EASEL is the studio's easel as JSON.
-
 The libraries of a planner take seconds to load. This module loads none of them before it listens for stops.
 """
 
@@ -13,19 +9,28 @@ import sys
 import traceback
 from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 from frida_painter import registry
 from frida_painter.errors import FridaError, RobotStopped
+from frida_painter.python_process import in_own_process
 from frida_painter.session.events import Failed, Stopped
 from frida_painter_studio.stop import StopPressed, StopWatch
 from frida_painter_studio.studio_folder import PLAN_JOB, Feed, PaintingFolder
 from frida_painter_studio.web_app_easel import WebAppEasel
 
 
-def main() -> None:
-    """Does the job; errors are reported on the page as a sentence."""
-    what, path, number, lock, easel = sys.argv[1:]
-    folder = PaintingFolder(Path(path))
+@in_own_process()
+def do_job(what: str, path: Path, number: int, lock: BinaryIO, easel: WebAppEasel) -> None:
+    """Does a job; errors are reported on the page as a sentence.
+
+    what: the job, as in `work`
+    path: folder of the painting
+    number: of one of its plans
+    lock: lock file of the painting, held until the work is done
+    easel: of the studio
+    """
+    folder = PaintingFolder(path)
     folder.live.mkdir(exist_ok=True)
     feed = Feed(folder)
     stop = StopWatch(folder.stop, folder.path.parent, what)
@@ -35,8 +40,8 @@ def main() -> None:
         from frida_painter_studio.painter import Asker
         from frida_painter_studio.worker import Job, work
 
-        job = Job(folder, WebAppEasel.from_json(easel), feed, stop, Asker(folder, feed, stop))
-        work(what, job, folder.plan(int(number)))
+        job = Job(folder, easel, feed, stop, Asker(folder, feed, stop))
+        work(what, job, folder.plan(number))
     except StopPressed:
         feed.tell(Stopped())
     except FridaError as trouble:
@@ -51,7 +56,7 @@ def main() -> None:
         feed.tell(Failed(str(registry.blame(failure) or told)))
         raise
     finally:
-        os.close(int(lock))
+        lock.close()
         feed.close()
 
 
@@ -61,7 +66,3 @@ def end_at_once(folder: PaintingFolder) -> None:
     feed.tell(Stopped())
     feed.close()
     os._exit(0)
-
-
-if __name__ == "__main__":
-    main()

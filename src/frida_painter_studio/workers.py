@@ -12,7 +12,7 @@ from typing import Any, Literal
 from pydantic import TypeAdapter, ValidationError
 
 from frida_painter import python_process, storage
-from frida_painter.errors import FridaError, Interrupted, StorageError
+from frida_painter.errors import FridaError, Interrupted, ProcessLost, StorageError
 from frida_painter.session.events import Began, Queued
 from frida_painter_studio.store import Entry, PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder, PlanFolder, WorkerLock, tell_once, working
@@ -64,17 +64,16 @@ class WorkerSlot:
 
     def start(self, job: str, plan: PlanFolder) -> None:
         """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError."""
-        lock = self._lock.fileno()
-        task = job, self.folder.path, plan.number, lock, self._easel.to_json()
+        task = {"what": job, "path": self.folder.path, "number": plan.number, "lock": self._lock, "easel": self._easel}
         self._lock.sign(job)
         try:
             with (self.folder.path / "worker.log").open("ab") as log:
-                process = python_process.start(
-                    "-m", "frida_painter_studio.worker_process", *task,
-                    pass_fds=[lock], start_new_session=True, stdout=log, stderr=log,
-                )  # fmt: skip
-        except OSError as error:
-            raise StorageError(f"The painter cannot be started ({error.strerror}).") from error
+                process, wire = python_process.start_function(
+                    "frida_painter_studio.worker_process:do_job", task, start_new_session=True, stdout=log, stderr=log
+                )
+        except (OSError, ProcessLost) as error:
+            raise StorageError(f"The painter cannot be started ({error}).") from error
+        wire.close()  # it works on its own, and may outlive this process
         self._started.append((process, self.folder))
 
 

@@ -16,8 +16,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images, picture_file, python_process, registry, storage, weights
-from frida_painter.errors import ConfigError, ImageError, WeightsError
+from frida_painter import images, picture_file, registry, storage, weights
+from frida_painter.errors import ConfigError, ImageError, ProcessLost, WeightsError
 from frida_painter.objectives.encoders.base import PictureLibrary
 from frida_painter.weights.archive import CAPTIONS
 from frida_painter.weights.catalogue import PICTURES as FILE
@@ -176,11 +176,6 @@ def _draw_svg(svg: bytes, name: str) -> bytes:
     """Returns an SVG as PNG, drawn in a separate process. Raises ImageError."""
     registry.require("words", "resvg_py", "Drawing an SVG")
     try:
-        ended = python_process.run(svg_process.__file__, input=svg)
-    except OSError as cause:
-        raise ImageError(f"{name} cannot be drawn ({cause.strerror}); save it as PNG.") from cause
-    if ended.returncode != 0:
-        said = ended.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2][:120]
-        said = said if ended.returncode > 0 else "it takes too long, or too much memory"
-        raise ImageError(f"{name} cannot be drawn ({said}); save it as PNG.")
-    return ended.stdout
+        return svg_process.draw(svg, name)
+    except ProcessLost as lost:
+        raise ImageError(f"{name} takes too long, or too much memory, to be drawn ({lost}) Save it as PNG.") from lost

@@ -2,6 +2,7 @@
 
 import socket
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -9,16 +10,17 @@ import pytest
 from numpy.typing import NDArray
 
 from frida_painter.easel.connecting import connect_easel, warn_of_places
-from frida_painter.easel.connection import Host, Link, Wire, make_remote
+from frida_painter.easel.connection import Host, Link, make_remote
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Question
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.easel.operator import AbsentOperator
-from frida_painter.errors import Interrupted, RobotError, WorkspaceViolation, ZeroUnknown
+from frida_painter.errors import Interrupted, ProcessLost, RobotError, WorkspaceViolation, ZeroUnknown
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import MotionLimits, RobotGateway
 from frida_painter.hardware.latch import Unlatched
 from frida_painter.hardware.robot import MotionReport, Waypoints, Zero
 from frida_painter.hardware.timing import AxisTiming, TravelLimits
+from frida_painter.messages import Wire
 from support.easel import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, PatientCamera
 
 RESET = "its board was reset as the line was opened"
@@ -238,7 +240,12 @@ def test_the_limits_of_a_machine_come_through_the_link_as_they_are(upper: tuple[
     robot.travel = None if upper is None else TravelLimits((0.0, -0.1, -np.inf), upper, zero_known=False)
     ours, theirs = socket.socketpair()
     guarded = GuardedRobot(robot, MotionLimits(WORKSPACE), Unlatched("the easel"))
-    serving = threading.Thread(target=Host({"robot": guarded}).serve, args=(Wire(theirs),), daemon=True)
+
+    def serve() -> None:
+        with suppress(ProcessLost):
+            Host({"robot": guarded}).serve(Wire(theirs))
+
+    serving = threading.Thread(target=serve, daemon=True)
     serving.start()
     beats, its_beats = socket.socketpair()
     link = Link(Wire(ours), beats)

@@ -11,8 +11,8 @@ import pytest
 import torch
 
 from frida_painter.calibration import SurfaceMap
-from frida_painter.easel.connection import decode_error, encode_error, find_request, make_remote, requests
-from frida_painter.errors import CameraError, FridaError, MotionFailed, RobotBusy, RobotError, RobotStopped
+from frida_painter.easel.connection import find_request, make_remote, requests
+from frida_painter.errors import RobotError
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.hardware.gateway import Surface
 from frida_painter.hardware.robot import BrushRack, Frame, MotionReport, Waypoints, Zero
@@ -100,32 +100,6 @@ def test_what_no_protocol_has_is_refused(words: dict[str, str]) -> None:
         find_request(words)
     with pytest.raises(RobotError, match=r"no 'robot\.zero'"):
         requests("robot")["zero"].answer(None, {}, {})
-
-
-def test_errors_come_as_themselves() -> None:
-    for error in (RobotBusy("busy", 7), MotionFailed("failed", "C31", 4), RobotStopped("stopped", asked=True),
-                  CameraError("dark"), RobotError("no")):  # fmt: skip
-        again = decode_error(encode_error(error))
-        assert type(again) is type(error) and str(again) == str(error) and vars(again) == vars(error)
-
-    class Foreign(FridaError):
-        """Error of another package."""
-
-    assert type(decode_error(encode_error(Foreign("it is theirs")))) is RobotError
-
-
-def test_an_error_with_other_fields_is_a_robot_error() -> None:
-    for kind, details in (
-        ("RobotBusy", {"pid": 7, "other": 1}), ("RobotAbandoned", {}), ("CameraError", {"code": 1}),
-        ("RobotBusy", None), ("annotations", {}),
-    ):  # fmt: skip
-        again = decode_error({"error": kind, "message": "no", "details": details})
-        assert type(again) is RobotError and str(again) == "no"
-
-
-def test_fields_of_an_error_that_json_has_no_form_of_come_as_text() -> None:
-    again = decode_error(json.loads(json.dumps(encode_error(MotionFailed("failed", np.int16(31), math)))))  # type: ignore[arg-type]
-    assert isinstance(again, MotionFailed) and again.code == "31" and "math" in str(again.waypoint)
 
 
 def answer(part: str, name: str, result: Any, **given: Any) -> Any:

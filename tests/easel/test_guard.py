@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.connection import decode_error, encode_error, requests
+from frida_painter.easel.connection import requests
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.errors import (
     CameraError,
@@ -33,6 +33,7 @@ from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.latch import Latch, Unlatched
 from frida_painter.hardware.robot import BrushRack, Frame, MotionReport, Robot, Waypoints
 from frida_painter.hardware.timing import AxisTiming
+from frida_painter.messages import decode_error, encode_error
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from hardware.misbehaving import Action, Hang, MisbehavingCamera, MisbehavingRobot, fine, unknown, vendor_error
 from support.easel import WORKSPACE
@@ -180,7 +181,7 @@ def test_a_stop_in_the_middle_of_a_dip_is_told_as_what_it_was(tmp_path: Path, as
     robot.bad, robot.action = "follow", dip
     with pytest.raises(RobotStopped, match="the stop file stop appeared") as told:
         guard.follow(ABOVE)
-    again = decode_error(encode_error(told.value))
+    again = decode_error(encode_error(told.value), RobotError)
     assert isinstance(again, RobotStopped) and str(again) == str(told.value)
     assert told.value.asked is again.asked is asked
     with pytest.raises(RobotStopped):

@@ -16,10 +16,18 @@ from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
-from frida_painter.errors import ConfigError, RobotBusy, RobotDisconnected, StaleFrame, WorkspaceViolation
+from frida_painter.errors import (
+    ConfigError,
+    RobotBusy,
+    RobotDisconnected,
+    RobotError,
+    StaleFrame,
+    WorkspaceViolation,
+)
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.robot import Waypoints
+from frida_painter.messages import decode_error
 from frida_painter.registry import EASELS
 from frida_painter.session.hand import Hand
 from plugins import install
@@ -179,3 +187,10 @@ def test_an_order_that_is_none_is_refused(tmp_path: Path, record: dict, says: st
     with pytest.raises(ValidationError, match=says):
         ORDERS.validate_python(record if says == "canvas" else {**whole, **record})
     assert ORDERS.validate_python(whole) == order_in(tmp_path)
+
+
+def test_an_order_that_is_none_comes_back_as_an_error() -> None:
+    with EaselProcess() as process:
+        process._wire.send({"order": {"robot": "virtual", "surprise": 1}})
+        with pytest.raises(ConfigError, match=r"The order of the easel is none \(canvas: .*surprise: Unexp"):
+            raise decode_error(process._wire.receive(60)[0], RobotError)

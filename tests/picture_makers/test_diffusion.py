@@ -22,11 +22,15 @@ from safetensors.torch import load_file, save_file
 
 from frida_painter import images
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.python_process import OwnProcess
 from frida_painter.runs.spec import RunSpec
-from frida_painter_words.picture_makers import diffusion, pipeline_process
+from frida_painter.weights.pipeline_folder import PipelineFolder
+from frida_painter_words.picture_makers import pipeline_process
 from frida_painter_words.picture_makers.diffusion import DiffusionMaker
 from frida_painter_words.picture_makers.making import PictureRequest, make_pictures
-from frida_painter_words.picture_makers.pipeline_process import _require_picture
+from frida_painter_words.picture_makers.pipeline_process import PipelineAnswer, PipelineTask, _require_picture
+from frida_painter_words.picture_makers.pipeline_process import make_pictures as make_pictures_of
+from killing import call_here
 from tiny_pipelines import write_flux, write_lookalike, write_pipeline, write_stable_diffusion_3
 from weights.test_hub_folder import Answers
 
@@ -61,13 +65,11 @@ def as_alone() -> Iterator[None]:
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pipelines run in the process of the test, which has loaded their libraries."""
 
-    def run(task: dict[str, Any], folder: Path, request: PictureRequest, until: float) -> dict[str, Any]:
-        folder.mkdir()
-        monkeypatch.setattr(pipeline_process, "tell", request.tell)
+    def call(self: OwnProcess[..., None], *given: Any) -> None:
         with as_alone():
-            return pipeline_process._make(task, folder)
+            call_here(self, *given)
 
-    monkeypatch.setattr(diffusion, "run_pipeline", run)
+    monkeypatch.setattr(OwnProcess, "__call__", call)
 
 
 @pytest.mark.usefixtures("here")
@@ -122,9 +124,17 @@ def test_pipelines_of_transformers_make_pictures(
 def load(folder: Path) -> Any:
     """The pipeline of a folder, as the process loads it."""
     kind = json.loads((folder / "model_index.json").read_text())["_class_name"]
-    task = {"name": "net", "folder": str(folder), "pipeline": kind, "variant": None, "canvas": ""}
     with as_alone():
-        return pipeline_process._load(task, torch.device("cpu"))
+        return pipeline_process._load(task_of(folder, kind, folder), torch.device("cpu"), print)
+
+
+def task_of(folder: Path, kind: str, pictures: Path, **more: Any) -> PipelineTask:
+    """The task of making one picture by the pipeline in a folder."""
+    usual: dict[str, Any] = {"canvas": None, "free": None} | more
+    return PipelineTask(
+        PipelineFolder(folder, "net", kind, (), None, 1), steps=2, hashes=None, words="a storm", seeds=(7,), width=512,
+        height=384, device="cpu", pictures=pictures, **usual,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -149,20 +159,19 @@ def test_each_kind_of_pipeline_begins_from_the_canvas(
         folder.mkdir()
         images.save(seen, folder / "canvas.png")
         images.save(free, folder / "free.png")
-        task = {
-            "name": "net", "folder": str(write_pipeline(tmp_path / "net", kind=kind)), "pipeline": kind,
-            "variant": None, "weights": [], "record": None, "steps": 2, "few": True, "words": "a storm", "seeds": [7],
-            "width": 512, "height": 384, "device": "cpu", "strength": 0.7, "canvas": str(folder / "canvas.png"),
-            "free": str(folder / "free.png") if protected else "",
-        }  # fmt: skip
+        task = task_of(
+            write_pipeline(tmp_path / "net", kind=kind), kind, folder, canvas=folder / "canvas.png",
+            free=folder / "free.png" if protected else None,
+        )  # fmt: skip
+        answers: list[PipelineAnswer] = []
         with as_alone():
-            answer = pipeline_process._make(task, folder)
-        assert answer["pipeline"] == used, "which the record tells"
-        made[name] = images.load(folder / answer["made"][0]["file"])
+            make_pictures_of.function(task, print, answers.append)
+        assert answers[-1].pipeline == used and answers[-1].faults == ("",), "which the record tells"
+        made[name] = images.load(folder / "1.png")
     assert made["dark"].shape == (3, 56, 72) and not torch.equal(made["dark"], made["grey"])
     if kind != "StableDiffusionPipeline":
         with as_alone(), pytest.raises(MakingFailed, match="makes no picture from words alone"):
-            pipeline_process._load({**task, "canvas": ""}, torch.device("cpu"))
+            pipeline_process._load(replace(task, canvas=None), torch.device("cpu"), print)
 
 
 @pytest.mark.parametrize(
@@ -252,20 +261,15 @@ def test_pictures_beside_one_of_nan_and_before_a_failure_stay(tmp_path: Path, mo
                 raise RuntimeError("no memory is left")
             return SimpleNamespace(images=[np.full((height, width, 3), np.nan if self.count == 2 else 0.5)])
 
-    def run(task: dict[str, Any], folder: Path, *_: Any) -> dict[str, Any]:
-        folder.mkdir()
-        try:
-            return pipeline_process._make(task, folder)
-        except RuntimeError as cause:
-            raise MakingFailed(f"The pipeline failed ({cause}).") from cause
-
-    monkeypatch.setattr(pipeline_process, "_load", lambda task, device: Pipeline())
-    monkeypatch.setattr(diffusion, "run_pipeline", run)
+    monkeypatch.setattr(pipeline_process, "_load", lambda task, device, tell: Pipeline())
+    monkeypatch.setattr(OwnProcess, "__call__", call_here)
     maker = DiffusionMaker.parse(str(write_lookalike(tmp_path / "net")))
     first, second, third, fourth = maker.make(ask(tmp_path / "a", seeds=(7, 8, 9, 10)))
     assert isinstance(first, Path) and isinstance(third, Path) and images.load(third).shape == (3, 384, 512)
     assert str(second) == "Picture 2 of net holds values that are no numbers (NaN); name another."
-    assert str(fourth) == "The pipeline failed (no memory is left)." and maker.facts["size"] == "512 x 384"
+    assert (
+        "failed (RuntimeError: no memory is left); name another" in str(fourth) and maker.facts["size"] == "512 x 384"
+    )
 
 
 @pytest.mark.parametrize(

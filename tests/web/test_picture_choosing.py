@@ -1,22 +1,19 @@
 """Pictures made from words on the page: only by makers that the owner allowed, with every way that they can fail."""
 
-import io
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import redirect_stderr
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from frida_painter import python_process
 from frida_painter.errors import ConfigError, FridaError
+from frida_painter.python_process import OwnProcess
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.spec import RunSpec
-from frida_painter_studio import reader, studio_command, studio_folder
+from frida_painter_studio import studio_command, studio_folder
 from frida_painter_studio.commands import Role
 from frida_painter_studio.picture_choosing import AllowedMakers, label_of, plain_fact
 from frida_painter_studio.side_jobs import imagine
@@ -24,6 +21,7 @@ from frida_painter_studio.stop import StopPressed
 from frida_painter_studio.studio_folder import Feed, PaintingRequest
 from frida_painter_studio.workers import WorkerSlot
 from frida_painter_words.picture_makers import making as picture_making
+from killing import call_here
 from picture_makers.test_service import open_service, sends
 from support.studio import Studio, Visitor
 
@@ -164,16 +162,7 @@ def test_none_is_allowed_by_default(tmp_path: Path) -> None:
 
 
 def test_makers_are_opened_once_before_the_page_and_have_labels_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
-    def run_here(*program: str, **_: Any) -> SimpleNamespace:
-        monkeypatch.setattr("sys.argv", program[1:])
-        with redirect_stderr(io.StringIO()) as said:
-            try:
-                reader.main()
-            except SystemExit as end:
-                return SimpleNamespace(returncode=end.code, stderr=said.getvalue())
-        return SimpleNamespace(returncode=0, stdout="")
-
-    monkeypatch.setattr(python_process, "run", run_here)
+    monkeypatch.setattr(OwnProcess, "__call__", call_here)
     allowed = AllowedMakers.check(["command:true", "command:true {words}", "http://here:80/x?key=1"], 5.0)
     assert list(allowed.by_label) == ["command: true", "command: true (2)", "http: here"] and allowed.minutes == 5.0
     with pytest.raises(ConfigError, match="--imagine 'crystal:ball': There is no picture maker called 'crystal'"):

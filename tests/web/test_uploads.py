@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,9 @@ from PIL import Image
 
 from frida_painter import images
 from frida_painter.errors import ImageError, Interrupted
+from frida_painter.python_process import ProcessLimits
 from frida_painter_studio import store as uploads
+from frida_painter_studio.reader import decode_upload
 from frida_painter_studio.store import PaintingStore
 
 
@@ -53,10 +56,10 @@ def test_what_is_no_picture_is_refused_in_words_that_name_no_path(
 def test_a_decoder_has_so_much_memory_and_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is the system that ends it: a picture that a decoder does not get through with takes nothing from others."""
     with pytest.raises(ImageError, match="memory or time"):
-        monkeypatch.setattr(uploads, "MAX_SECONDS", 0.01)
+        monkeypatch.setattr(uploads, "decode_upload", replace(decode_upload, limits=ProcessLimits(seconds=0.01)))
         uploads.keep(picture(), tmp_path)
     monkeypatch.undo()
-    limits = "from frida_painter_studio import reader; reader.limit(); bytearray(3 * 2**30)"
+    limits = "from frida_painter_studio import reader; reader.decode_upload.limits.apply(); bytearray(3 * 2**30)"
     done = subprocess.run([sys.executable, "-c", limits], capture_output=True, text=True)
     assert done.returncode == 1 and "MemoryError" in done.stderr
     assert not list(tmp_path.iterdir())

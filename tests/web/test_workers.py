@@ -1,6 +1,6 @@
 """Worker processes, the easel that they are given, and the locks by which they are known."""
 
-import os
+import json
 import re
 import subprocess
 import sys
@@ -16,6 +16,7 @@ from frida_painter import registry
 from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.workcell import example
+from frida_painter.messages import pack, unpack
 from frida_painter.runs.painting_easel import order
 from frida_painter.session.events import Failed
 from frida_painter_studio import worker_process
@@ -29,7 +30,7 @@ from plugins import install
 
 ENDING = """#!{python} -I
 import os, sys, time
-os.close(int(sys.argv[-2]))  # the work is done, and the lock free; the process takes its time to end
+os.closerange(3, 100)  # the work is done, and the lock free; the process takes its time to end
 time.sleep(60)
 """
 
@@ -103,11 +104,9 @@ def test_the_page_is_told_whose_part_failed(
     monkeypatch.setattr("frida_painter_studio.worker.work", failing)
     folder = PaintingFolder(tmp_path / "painting")
     folder.path.mkdir()
-    lock = os.open(tmp_path, os.O_RDONLY)
-    easel = WebAppEasel(tmp_path / "record.json").to_json()
-    monkeypatch.setattr(sys, "argv", ["worker", "paint", str(folder.path), "1", str(lock), easel])
-    with pytest.raises(ValueError, match="no goal"):
-        worker_process.main()
+    easel = WebAppEasel(tmp_path / "record.json")
+    with (tmp_path / "lock").open("wb") as lock, pytest.raises(ValueError, match="no goal"):
+        worker_process.do_job.function("paint", folder.path, 1, lock, easel)
     (told,) = [event for event in FeedReader(folder.feed).read() if isinstance(event, Failed)]
     assert re.match(says, told.reason)
     assert "Traceback" in capsys.readouterr().err, "the log has the whole of it"
@@ -128,7 +127,7 @@ def test_what_cannot_paint_is_refused_before_the_page_opens(tmp_path: Path, robo
 def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dangerous: bool) -> None:
     easel = WebAppEasel(tmp_path / "record.json", robot, "opencv:0", tmp_path / "easel.toml", 0.5)
     assert (easel.simulated, easel.drives_machine) == (simulated, dangerous)
-    assert WebAppEasel.from_json(easel.to_json()) == easel
+    assert unpack(json.loads(json.dumps(pack(easel, WebAppEasel, {}))), WebAppEasel, {}) == easel
     folder = PaintingFolder(tmp_path)
     feed, stop = Feed(folder), StopWatch(folder.stop, folder.path.parent)
     plan = folder.begin_plan(PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)

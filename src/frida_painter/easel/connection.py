@@ -1,35 +1,24 @@
-"""The connection between a painting process and its easel's process: messages, requests and their answers.
+"""The connection between a painting process and its easel's process: requests and their answers.
 
-A message is a JSON object with arrays of numbers. The methods of an easel's parts are requests, all made from their
-protocols: arguments and results travel by the types that the protocols state (numbers, texts, tuples, arrays, tensors
-and dataclasses of these), errors by name, sentence and fields. Nothing that comes is executed.
+The methods of an easel's parts are requests, all made from their protocols: arguments and results travel by the types
+that the protocols state (messages.py).
 """
 
 import contextlib
 import inspect
-import json
-import math
-import select
 import socket
-import struct
 import subprocess
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from functools import cache
-from types import MappingProxyType, NoneType
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from types import MappingProxyType
+from typing import Any, TypeVar, get_type_hints
 
-import numpy as np
-import torch
-from numpy.typing import NDArray
-from torch import Tensor
-
-from frida_painter import errors
 from frida_painter.easel.watchdog import Pulse
-from frida_painter.errors import FridaError, RobotAbandoned, RobotDisconnected, RobotError
+from frida_painter.errors import FridaError, ProcessLost, RobotAbandoned, RobotDisconnected, RobotError
 from frida_painter.hardware.easel import Operator, PersonCanvas
 from frida_painter.hardware.gateway import CheckedRobot
 from frida_painter.hardware.latch import Latch, Unlatched
@@ -42,105 +31,9 @@ from frida_painter.hardware.robot import (
     TouchProbe,
     ZeroedRobot,
 )
+from frida_painter.messages import Arrays, Wire, decode_error, encode_error, pack, unpack
 
-Arrays = dict[str, NDArray[Any]]
 T = TypeVar("T")
-
-_LENGTHS = struct.Struct("<II")  # of the object and of the arrays' bytes
-_MAX_WORDS = 2**20
-_MAX_BYTES = 2**28
-_ARRAY_KINDS = ("|b1", "|u1", "<f4", "<f8")
-
-
-class Wire:
-    """End of a link: sends and receives whole messages.
-
-    Raises RobotDisconnected if the other end is gone, too late, or sends anything but messages.
-    """
-
-    def __init__(self, socket: socket.socket) -> None:
-        self._socket = socket
-        self._sending = threading.Lock()
-
-    def send(self, words: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]] | None = None) -> None:
-        """Sends a JSON object and arrays of bool, uint8, float32 or float64 of any shape."""
-        parts = {name: np.asarray(array, order="C") for name, array in (arrays or {}).items()}
-        kinds = {name: [array.dtype.str, list(array.shape)] for name, array in parts.items()}
-        head = json.dumps({**words, "arrays": kinds}).encode()
-        size = sum(array.nbytes for array in parts.values())
-        try:
-            with self._sending:
-                self._socket.settimeout(None)
-                self._socket.sendall(_LENGTHS.pack(len(head), size) + head)
-                for array in parts.values():  # without a copy: a photograph has millions of bytes
-                    self._socket.sendall(array.reshape(-1).view(np.uint8).data)
-        except OSError as error:
-            raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
-
-    def receive(self, within: float = math.inf) -> tuple[dict[str, Any], Arrays]:
-        """Returns the next message: its object and its arrays.
-
-        within: seconds to wait for the whole message
-        """
-        until = time.monotonic() + within
-        words, size = _LENGTHS.unpack(bytes(self._exactly(_LENGTHS.size, until)))
-        if words > _MAX_WORDS or size > _MAX_BYTES:
-            raise RobotDisconnected(
-                f"A message of {words} + {size} bytes came over the easel's link; that is no message."
-            )
-        head, body = bytes(self._exactly(words, until)), self._exactly(size, until)
-        try:
-            said = json.loads(head)
-            return said, _cut(said.pop("arrays"), body)
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            raise RobotDisconnected(f"What came over the easel's link is no message ({error}).") from error
-
-    def waits(self, seconds: float) -> bool:
-        """Returns True if a message came, or the other end closed, within `seconds`."""
-        return bool(select.select([self._socket], [], [], seconds)[0])
-
-    def close(self) -> None:
-        """Closes this end; the other end notices it."""
-        self._socket.close()
-
-    def _exactly(self, count: int, until: float) -> NDArray[np.uint8]:
-        """Returns the next `count` bytes [count]."""
-        content = np.empty(count, np.uint8)
-        room, got = content.data, 0
-        while got < count:
-            # Bytes that are already there are read even if it is late: then this process did not run.
-            left = max(until - time.monotonic(), 0.0)
-            try:
-                self._socket.settimeout(left if math.isfinite(left) else None)
-                part = self._socket.recv_into(room[got:])
-            except (TimeoutError, BlockingIOError) as nothing:
-                if left:
-                    continue  # it may have come at the last moment
-                raise RobotDisconnected("The other end of the easel's link did not answer in time.") from nothing
-            except OSError as error:
-                raise RobotDisconnected(f"The other end of the easel's link is gone ({error}).") from error
-            if not part:
-                raise RobotDisconnected("The other end of the easel's link is gone.")
-            got += part
-        return content
-
-
-def _cut(kinds: Mapping[str, Any], body: NDArray[np.uint8]) -> Arrays:
-    """Returns the arrays of a message. Raises ValueError, KeyError or TypeError if the bytes do not match."""
-    arrays, start = {}, 0
-    for name, (kind, shape) in kinds.items():
-        if kind not in _ARRAY_KINDS or not all(isinstance(side, int) and 0 <= side <= _MAX_BYTES for side in shape):
-            raise ValueError(f"array {name} of {kind} and shape {shape}")
-        dtype = np.dtype(kind)
-        end = start + math.prod(shape) * dtype.itemsize
-        part = body[start:end]
-        aligned = start % dtype.itemsize == 0
-        arrays[name] = (part if aligned else part.copy()).view(dtype).reshape(shape)
-        start = end
-    if start != len(body):
-        raise ValueError(f"{len(body)} bytes of arrays, {start} announced")
-    return arrays
-
 
 # Requests.
 
@@ -244,84 +137,6 @@ def make_remote(part: str, ask: Callable[[Request, Mapping[str, Any]], Any], **o
     return answering(part, lambda _, request, given: ask(request, given))(made)()
 
 
-# Values as JSON and arrays.
-
-
-def pack(value: Any, kind: Any, arrays: Arrays) -> Any:
-    """Returns a value of a type as plain values; puts its arrays into `arrays` and leaves their names."""
-    kind = _without_none(kind)
-    if kind in (NoneType, bool):
-        return bool(value) if kind is bool else None
-    if isinstance(value, Tensor):
-        value = value.detach().cpu().numpy()
-    if _is_array(kind) or isinstance(value, np.ndarray):
-        array = np.asarray(value)
-        name = str(len(arrays))
-        arrays[name] = array if array.dtype.str in _ARRAY_KINDS else array.astype(np.float64)
-        return name
-    if is_dataclass(value):
-        types = get_type_hints(kind if is_dataclass(kind) else type(value))  # a subclass may have more
-        return {name: pack(getattr(value, name), types[name], arrays) for name in types}
-    if isinstance(value, tuple | list):
-        return [pack(one, None, arrays) for one in value]
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def unpack(plain: Any, kind: Any, arrays: Arrays) -> Any:
-    """Returns the value of a type from plain ones. Raises KeyError, TypeError or ValueError if they do not fit it."""
-    if plain is None and NoneType in get_args(kind):
-        return None
-    kind = _without_none(kind)
-    origin, inner = get_origin(kind), get_args(kind)
-    if kind is Tensor:
-        return torch.from_numpy(arrays[plain])
-    if _is_array(kind):
-        return arrays[plain].astype(get_args(inner[1])[0], copy=False)
-    if is_dataclass(kind):
-        types = get_type_hints(kind)
-        return kind(**{name: unpack(value, types[name], arrays) for name, value in plain.items()})  # type: ignore[operator]
-    if origin is tuple:
-        each = inner[:1] * len(plain) if inner[1:] == (...,) else inner
-        return tuple(unpack(value, one, arrays) for value, one in zip(plain, each, strict=True))
-    if origin is Mapping:
-        return {str(name): unpack(value, inner[1], arrays) for name, value in plain.items()}
-    if kind in (float, int, str):
-        return kind(plain)
-    allowed = {NoneType: (None,), bool: (True, False)}.get(kind) or (inner if origin is Literal else ())
-    if plain not in allowed:
-        raise TypeError(f"{str(plain)[:40]!r} where {kind} belongs")
-    return plain
-
-
-def _without_none(kind: Any) -> Any:
-    """Returns the type beside None of a type that may be None; any other type as it is."""
-    return next(one for one in get_args(kind) if one is not NoneType) if NoneType in get_args(kind) else kind
-
-
-def _is_array(kind: Any) -> bool:
-    return kind is Tensor or get_origin(kind) is np.ndarray
-
-
-# Errors.
-
-
-def encode_error(error: FridaError) -> dict[str, Any]:
-    """Returns an error as plain values for the other end, which converts it back with `decode_error`."""
-    taken = inspect.signature(type(error).__init__).parameters
-    told = {name: value for name, value in vars(error).items() if name in taken}
-    plain = {name: value if isinstance(value, int | float | None) else str(value) for name, value in told.items()}
-    return {"error": type(error).__name__, "message": str(error), "details": plain}
-
-
-def decode_error(answer: Mapping[str, Any]) -> FridaError:
-    """Returns the error that the other end reported, with its fields; a RobotError if class or fields are unknown."""
-    kind, message = getattr(errors, str(answer["error"]), None), str(answer.get("message", ""))
-    if isinstance(kind, type) and issubclass(kind, FridaError):
-        with contextlib.suppress(TypeError):
-            return kind(message, **answer.get("details", {}))
-    return RobotError(message)
-
-
 # The easel's end.
 
 
@@ -336,22 +151,19 @@ class Host:
     parts: Mapping[str, Any]
     remarks: deque[str] = field(default_factory=deque)
 
-    def serve(self, wire: Wire) -> bool:
+    def serve(self, wire: Wire) -> None:
         """Answers requests until the painting process asks for the end. That request is left for the caller to answer.
 
-        Returns True if the end was asked for, False if the painting process is gone.
+        Raises ProcessLost if the painting process is gone.
         """
-        try:
-            while True:
-                words, arrays = wire.receive()
-                if words.get("do") == "end":
-                    return True
-                answer, result = self._answer(words, arrays)
-                told = [self.remarks.popleft() for _ in range(len(self.remarks))]
-                machines = sorted(self.parts["robot"].latch.machines)
-                wire.send({**answer, "remarks": told, "machines": machines}, result)
-        except RobotDisconnected:
-            return False
+        while True:
+            words, arrays = wire.receive()
+            if words.get("do") == "end":
+                return
+            answer, result = self._answer(words, arrays)
+            told = [self.remarks.popleft() for _ in range(len(self.remarks))]
+            machines = sorted(self.parts["robot"].latch.machines)
+            wire.send({**answer, "remarks": told, "machines": machines}, result)
 
     def _answer(self, words: Mapping[str, Any], arrays: Arrays) -> tuple[dict[str, Any], Arrays]:
         try:
@@ -420,7 +232,7 @@ class Link:
                 self._wire.send(words, arrays)
                 # The process sends no heartbeats while it closes everything.
                 answer, result = self._answer(listen=task != "end")
-            except RobotDisconnected as error:
+            except ProcessLost as error:
                 self._broken = self._give_up(error)
                 raise self._broken from error
         for remark in answer.get("remarks", ()):
@@ -428,7 +240,7 @@ class Link:
         if self.latch is not None:
             self.latch.machines = frozenset(answer.get("machines", self.latch.machines))
         if "error" in answer:
-            raise decode_error(answer)
+            raise decode_error(answer, RobotError)
         if task == "end" or (part, task) == ("robot", "close"):
             self._connected = False
         return answer, result
@@ -441,13 +253,13 @@ class Link:
                 now = time.monotonic()
                 silent = min(self.pulse.silent, now - began)
                 if listen and silent > self.most_silence:
-                    raise RobotDisconnected(f"Nothing has been heard from it for {silent:.0f} s.")
+                    raise ProcessLost(f"Nothing has been heard from it for {silent:.0f} s.")
             answer, arrays = self._wire.receive(max(until - time.monotonic(), 0.0))
             if "within" not in answer:
                 return answer, arrays
             until = max(until, time.monotonic() + float(answer["within"]) + _MARGIN)
 
-    def _give_up(self, error: RobotDisconnected) -> RobotDisconnected:
+    def _give_up(self, error: ProcessLost) -> RobotDisconnected:
         """Stops the robot by all means that are left, and returns the error for people."""
         pulse = self.pulse
         pulse.stop()

@@ -1,8 +1,7 @@
 """The easel's process: owns robot and camera, and answers the painting process's requests one after another.
 
-easel/parent.py starts it as `python -m frida_painter.easel.host WIRE LINE ROBOT`: two inherited sockets, and the name
-of the easel that will be ordered, or "". Requests come over the first socket, heartbeats and stops over the second. No
-work of the painting process delays a stop here.
+easel/parent.py starts it (`serve_easel`). Requests come over one socket, heartbeats and stops over another. No work of
+the painting process delays a stop here.
 """
 
 import contextlib
@@ -12,6 +11,7 @@ import signal
 import socket
 import sys
 import threading
+from collections.abc import Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -21,21 +21,23 @@ from typing import Any, NoReturn
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import TypeAdapter
+from pydantic import TypeAdapter, ValidationError
 
 from frida_painter import storage
 from frida_painter.devices import prepare_process
-from frida_painter.easel.connection import Host, Wire, encode_error
+from frida_painter.easel.connection import Host
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE, is_simulated
 from frida_painter.easel.open import hold_machines, load_easel, machines, open_easel
 from frida_painter.easel.order import FACTS, EaselFacts, EaselOrder
 from frida_painter.easel.watchdog import ENDED, MACHINE, SIMULATED, STOP, CpuActivity, StopFile, Watch
-from frida_painter.errors import FridaError, RobotDisconnected, RobotStopped
+from frida_painter.errors import ConfigError, FridaError, RobotStopped
 from frida_painter.hardware.deadline import one_line
 from frida_painter.hardware.gateway import MotionLimits, Surface
 from frida_painter.hardware.latch import HOW_TO_ARM, Unlatched, latch_of
 from frida_painter.hardware.robot import LiveCamera
+from frida_painter.messages import Wire
+from frida_painter.python_process import in_own_process
 
 # The live picture: the camera's current picture in a file, renewed about once a second, for people to watch.
 
@@ -83,27 +85,20 @@ def encode_jpeg(picture: NDArray[np.uint8]) -> bytes:
     return content.tobytes()
 
 
-def main(wire_file: int, line_file: int, robot: str) -> None:
-    """Loads the parts for that robot, waits for the order, and serves the easel until the painting ends or is gone."""
+@in_own_process()
+def serve_easel(wire: Wire, line: socket.socket, name: str) -> None:
+    """Loads the parts for an easel, waits for the order, and serves the easel until the painting ends or is gone.
+
+    wire: for requests
+    line: for heartbeats and stops
+    name: of the easel that will be ordered; "" if it is not known yet
+    """
     # Ctrl-C and a closed terminal concern the painting process, which then tells this one what to do.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     prepare_process()
-    load_easel(robot)
-    wire, line = Wire(socket.socket(fileno=wire_file)), socket.socket(fileno=line_file)
-    with contextlib.suppress(RobotDisconnected):  # the painting process ended before it sent an order, or heard the end
-        order = TypeAdapter(EaselOrder).validate_python(wire.receive()[0]["order"])
-        last_words: dict[str, Any] = {}
-        try:
-            asked_to_end = _serve(order, wire, line)
-        except FridaError as error:
-            asked_to_end, last_words = True, encode_error(error)
-        if asked_to_end:
-            wire.send(last_words)
-
-
-def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
-    """Returns True if the painting process asked for the end. Raises a FridaError if the easel cannot be opened."""
+    load_easel(name)
+    order = _read_order(wire.receive()[0])
     with ExitStack() as stack:
         known = machines(order)
         hold_machines(stack, order.state, known)
@@ -144,7 +139,15 @@ def _serve(order: EaselOrder, wire: Wire, line: socket.socket) -> bool:
         stack.callback(Watch(line, robot, CpuActivity(os.getppid()), rule, file).dismiss)
         facts = EaselFacts(**{name: getattr(easel, name) for name in FACTS})
         wire.send({"facts": TypeAdapter(EaselFacts).dump_python(facts, mode="json"), "machines": sorted(known)})
-        return host.serve(wire)
+        host.serve(wire)
+
+
+def _read_order(words: Mapping[str, Any]) -> EaselOrder:
+    try:
+        return TypeAdapter(EaselOrder).validate_python(words.get("order"))
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
+        raise ConfigError(f"The order of the easel is none ({faults}); start the painting again.") from error
 
 
 def _say_end(line: socket.socket, robot: GuardedRobot) -> None:
@@ -159,7 +162,3 @@ def _stop_if_unexpected(
     """Stops the robot if this process fails by itself, for example for lack of memory."""
     if error is not None and not isinstance(error, FridaError | SystemExit):
         robot.stop(f"the easel's process failed ({one_line(error)})")
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3])

@@ -9,12 +9,13 @@ import socket
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from frida_painter import python_process
-from frida_painter.errors import FridaError, RobotDisconnected
+from frida_painter.errors import FridaError, ProcessLost, RobotDisconnected, RobotError
+from frida_painter.messages import decode_error
 
 if TYPE_CHECKING:
     from frida_painter.easel.connection import Link
@@ -32,18 +33,15 @@ class EaselProcess:
     """
 
     def __init__(self, robot: str = "") -> None:
-        self._near, its_wire = socket.socketpair()
         self._line, its_line = socket.socketpair()
         # Its error output is never shown on the painter's terminal.
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
-        sockets = its_wire.fileno(), its_line.fileno()
-        self._process = python_process.start(
-            "-m", "frida_painter.easel.host", *sockets, robot,
-            pass_fds=sockets, stdout=subprocess.DEVNULL, stderr=self._complaints,
-            start_new_session=True,  # Ctrl-C at the terminal is for the painting process only
-        )  # fmt: skip
-        its_wire.close()
-        its_line.close()
+        with its_line:
+            self._process, self._wire = python_process.start_function(
+                "frida_painter.easel.host:serve_easel", {"line": its_line, "name": robot},
+                stdout=subprocess.DEVNULL, stderr=self._complaints,
+                start_new_session=True,  # Ctrl-C at the terminal is for the painting process only
+            )  # fmt: skip
         self._link: Link | None = None
         self._opened = self._over = False
 
@@ -65,7 +63,7 @@ class EaselProcess:
             if error is None:
                 raise
         finally:
-            self._near.close()
+            self._wire.close()
             self._line.close()
             try:
                 self._process.wait(_ENDING)
@@ -84,23 +82,24 @@ class EaselProcess:
         """
         from pydantic import TypeAdapter
 
-        from frida_painter.easel.connection import Link, Wire, decode_error, make_remote
+        from frida_painter.easel.connection import Link, make_remote
         from frida_painter.easel.kinds import easel_kind, is_simulated
         from frida_painter.easel.order import FACTS, EaselFacts, EaselOrder
         from frida_painter.hardware.easel import Easel
         from frida_painter.hardware.latch import Unlatched, latch_of
 
-        wire = Wire(self._near)
+        wire = self._wire
         self._link = link = Link(wire, self._line, self._process, tell)
         try:
             wire.send({"order": TypeAdapter(EaselOrder).dump_python(order, mode="json")})
             # A simulated easel may take any time, for example to replay its diary of many thousand strokes; the death
             # of its process ends the wait at once.
             about, _ = wire.receive(math.inf if is_simulated(order.robot) else _OPENING)
-        except RobotDisconnected as gone:
-            raise RobotDisconnected(f"The easel's process did not start{self._complaint()}.") from gone
+        except ProcessLost as gone:
+            lost = python_process.describe_end(self._process, wire, gone, self._complaints)
+            raise RobotDisconnected(f"The easel's process did not start ({lost})") from gone
         if "error" in about:
-            raise decode_error(about)
+            raise decode_error(about, RobotError)
         self._opened = True
         facts = TypeAdapter(EaselFacts).validate_python(about["facts"])
         if is_simulated(order.robot):  # a slow computer is not a fault
@@ -131,11 +130,3 @@ class EaselProcess:
             yield
         finally:
             signal.set_wakeup_fd(before)
-
-    def _complaint(self) -> str:
-        """Returns the last line of the dead process's error output."""
-        with suppress(subprocess.TimeoutExpired):
-            self._process.wait(5)
-        self._complaints.seek(0)
-        lines = self._complaints.read().decode(errors="replace").split("\n")
-        return next((f" ({line})" for line in reversed(lines) if line.strip()), "")

@@ -14,9 +14,7 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
-import time
 import urllib.error
 import urllib.request
 import zipfile
@@ -169,21 +167,11 @@ def run_program(
     with (folder / "fetching.log").open("w+", encoding="utf-8", errors="replace") as log:
         variables = python_process.environment(**environment)
         try:
-            program = subprocess.Popen(
-                command, cwd=folder, stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=variables
-            )
+            status = python_process.watch_program(command, watch, cwd=folder, stdout=log, stderr=log, env=variables)
         except OSError as cause:
             raise WeightsError(f"{Path(command[0]).name} cannot be started ({cause.strerror})") from cause
-        try:
-            while program.poll() is None:
-                watch()
-                time.sleep(_GLANCE)
-            watch()  # what is small may have come between two glances
-        finally:
-            program.kill()
-            program.wait()
         log.seek(0)
-        return program.returncode == 0, log.read()
+        return status == 0, log.read()
 
 
 def count_in_folder(folder: Path) -> int:

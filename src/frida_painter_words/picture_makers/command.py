@@ -3,15 +3,11 @@
 Programs run without a shell, with limits on time and size, and are ended with all that they started.
 """
 
-import os
 import re
 import shlex
 import shutil
 import signal
-import subprocess
-import time
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -35,8 +31,6 @@ def run_program(
     until: float,
     *,
     made: Path | None = None,
-    hear: Callable[[str], None] = lambda line: None,
-    environment: Mapping[str, str] | None = None,
 ) -> None:
     """Runs a program to its end.
 
@@ -45,41 +39,28 @@ def run_program(
     folder: folder for `printed` and `said`, its standard output and standard error
     until: time of the monotonic clock at which the program is ended
     made: another file that the program writes, whose size is limited too
-    hear: receives each whole line of the standard error, while the program runs
-    environment: environment of the program; None: that of this process, as the person gave it
     Raises MakingFailed if it cannot be started, fails, or takes too long or too much room, and Interrupted after a
     stop of the request. The program is then ended, with all processes of its group.
     """
     printed, said = folder / "printed", folder / "said"
     limits = {printed: MAX_BYTES, said: _MAX_SAID, **({made: MAX_BYTES} if made else {})}
+
+    def watch() -> None:
+        request.heed(name, until)
+        for file, most in limits.items():
+            if _size(file) > most:
+                raise MakingFailed(
+                    f"{name} wrote more than {megabytes(most)} and was ended; a picture file is smaller."
+                )
+
     with printed.open("wb") as output, said.open("wb") as complaints:
+        variables = python_process.environment_of_others()
         try:
-            process = subprocess.Popen(
-                list(arguments), stdin=subprocess.PIPE, stdout=output, stderr=complaints, start_new_session=True,
-                env=environment or python_process.environment_of_others(),
-            )  # fmt: skip
+            status = python_process.watch_program(arguments, watch, stdout=output, stderr=complaints, env=variables)
         except (OSError, ValueError) as cause:
             why = getattr(cause, "strerror", None) or str(cause)
             raise MakingFailed(f"{name} cannot start {arguments[0][:80]!r} ({why}); give one that runs.") from cause
-        heard = 0
-        try:
-            while process.poll() is None:
-                request.heed(name, until)
-                for file, most in limits.items():
-                    if _size(file) > most:
-                        raise MakingFailed(
-                            f"{name} wrote more than {megabytes(most)} and was ended; a picture file is smaller."
-                        )
-                heard = _pass_on(said, heard, hear)
-                time.sleep(_GLANCE)
-        finally:
-            with suppress(OSError):
-                os.killpg(process.pid, signal.SIGKILL)
-            with suppress(OSError):
-                process.stdin.close()  # type: ignore[union-attr]
-            process.wait()
-    _pass_on(said, heard, hear)
-    if (status := process.returncode) != 0:
+    if status != 0:
         names = {one.value: one.name for one in signal.Signals}
         how = f"ended with status {status}" if status > 0 else f"was ended by {names.get(-status, f'signal {-status}')}"
         raise MakingFailed(f"{name} {how} and made no picture{_last_line(said)}; try it by itself, or name another.")
@@ -90,16 +71,6 @@ def _size(file: Path) -> int:
         return file.stat().st_size
     except OSError:
         return 0
-
-
-def _pass_on(said: Path, heard: int, hear: Callable[[str], None]) -> int:
-    """Passes whole new lines on, and returns the number of bytes that were heard so far."""
-    with storage.open_checked(said, _SAID, MAX_BYTES, MakingFailed) as file:
-        file.seek(heard)
-        whole, end, _ = file.read(_MAX_SAID).rpartition(b"\n")
-    for line in whole.decode("utf-8", "replace").splitlines():
-        hear(line)
-    return heard + len(whole) + len(end)
 
 
 def _last_line(said: Path) -> str:

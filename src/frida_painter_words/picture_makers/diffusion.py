@@ -2,32 +2,25 @@
 
 import re
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from frida_painter import python_process, registry, storage
-from frida_painter.errors import ConfigError, MakingFailed, WeightsError
+from frida_painter import registry
+from frida_painter.errors import ConfigError, MakingFailed, ProcessLost, WeightsError
 from frida_painter.weights.catalogue import find_weights
 from frida_painter.weights.pipeline_folder import (
-    USUAL_STEPS,
     PipelineFolder,
     fetch_pipeline,
     find_pipeline,
     read_pipeline_folder,
 )
-from frida_painter_words.picture_makers.command import run_program
-from frida_painter_words.picture_makers.making import STRENGTH, PictureMakerKind, PictureRequest
+from frida_painter_words.picture_makers.making import PictureMakerKind, PictureRequest
+from frida_painter_words.picture_makers.pipeline_process import PipelineAnswer, PipelineTask, make_pictures
 
-TASK, ANSWER, FAULT = "task.json", "answer.json", "fault"
-"""Files in the folder of a task: the task, the answer, and the sentence for the person if there is no answer."""
-TOLD = "frida-painter: "
-"""Beginning of the lines of the standard error that are told to the person."""
 _STEPS = re.compile(r"(.*),\s*steps=(\d{1,4})")
 _MAX_STEPS = 200
-_OFFLINE = {"HF_HUB_OFFLINE": "1", "TRANSFORMERS_OFFLINE": "1", "HF_HUB_DISABLE_TELEMETRY": "1"}
 
 
 @dataclass(frozen=True)
@@ -70,56 +63,33 @@ class DiffusionMaker:
         except (WeightsError, ConfigError) as cause:
             raise MakingFailed(str(cause)) from cause
         steps = self.steps or pipeline.steps
-        task = {
-            "name": pipeline.name, "folder": str(pipeline.folder), "pipeline": pipeline.pipeline,
-            "variant": pipeline.variant, "weights": [str(file) for file in pipeline.weights], "steps": steps,
-            "record": str(pipeline.folder / registry.RECORD) if pipeline.folder == _fetched_folder() else None,
-            "few": pipeline.steps < USUAL_STEPS, "words": request.words, "seeds": list(request.seeds),
-            "width": request.width, "height": request.height, "device": str(request.device),
-            "canvas": str(request.canvas or ""), "free": str(request.free or ""), "strength": STRENGTH,
-        }  # fmt: skip
-        folder = request.folder / "pipeline"
+        task = PipelineTask(
+            pipeline, steps, pipeline.folder / registry.RECORD if pipeline.folder == _fetched_folder() else None,
+            request.words, tuple(request.seeds), request.width, request.height, str(request.device), request.canvas,
+            request.free, request.folder / "pipeline",
+        )  # fmt: skip
+        task.pictures.mkdir()
+        answers: list[PipelineAnswer] = []
         missing = MakingFailed("The pipeline was ended before this picture.")
         try:
-            answer = run_pipeline(task, folder, request, until)
-        except MakingFailed as fault:
-            if not (folder / ANSWER).is_file():
-                raise
-            answer, missing = storage.read_json(folder / ANSWER, "the answer of a picture maker", MakingFailed), fault
+            make = replace(make_pictures, heed=partial(request.heed, "The pipeline", until))
+            make(task, request.tell, answers.append)
+        except (MakingFailed, ProcessLost) as fault:
+            why = str(fault).rstrip(".")
+            told = f"The pipeline failed ({why}); name another, or try it without frida-painter."
+            missing = fault if isinstance(fault, MakingFailed) else MakingFailed(told)
+            if not answers:
+                raise missing from fault
+        answer = answers[-1]
         self.facts.update(
-            model=pipeline.name, pipeline=answer["pipeline"], steps=f"{steps} steps", size=str(answer["size"]),
-            sha256=" ".join(answer["hashes"]),
+            model=pipeline.name, pipeline=answer.pipeline, steps=f"{steps} steps", size=answer.size,
+            sha256=" ".join(answer.hashes),
         )  # fmt: skip
         made = [
-            folder / Path(one["file"]).name if "file" in one else MakingFailed(one["fault"]) for one in answer["made"]
+            MakingFailed(fault) if fault else task.pictures / f"{number}.png"
+            for number, fault in enumerate(answer.faults, 1)
         ]
         return [*made, *[missing] * (len(request.seeds) - len(made))]
-
-
-def run_pipeline(task: Mapping[str, Any], folder: Path, request: PictureRequest, until: float) -> dict[str, Any]:
-    """Runs a pipeline in a process of its own, and returns its answer.
-
-    task: as in pipeline_process.py
-    folder: new folder for the task and its files
-    request: the pictures that were asked for; receives what the process tells, and may be stopped
-    until: time of the monotonic clock at which it is ended
-    Raises MakingFailed, with the process's own sentence if there is one, and Interrupted.
-    """
-    folder.mkdir()
-    storage.write_json(folder / TASK, task)
-    try:
-        run_program(
-            python_process.command("-m", "frida_painter_words.picture_makers.pipeline_process", folder), "The pipeline",
-            request, folder, until,
-            hear=lambda line: request.tell(line.removeprefix(TOLD)) if line.startswith(TOLD) else None,
-            environment=python_process.environment(**_OFFLINE),
-        )  # fmt: skip
-    except MakingFailed as end:
-        fault = folder / FAULT
-        if fault.is_file():
-            raise MakingFailed(storage.read_bytes(fault, "a sentence of the pipeline", 10**6).decode()) from end
-        raise
-    return storage.read_json(folder / ANSWER, "the answer of a picture maker", MakingFailed)
 
 
 def _fetched_folder() -> Path:

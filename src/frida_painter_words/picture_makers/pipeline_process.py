@@ -1,13 +1,11 @@
-"""Process of a diffusion pipeline: loads it, makes the pictures, and gives its memory back by ending."""
+"""Diffusion pipeline in a process of its own: it makes pictures, and gives its memory back by ending."""
 
 import inspect
 import math
-import os
-import sys
-import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,84 +15,122 @@ import torch
 from PIL import Image
 
 from frida_painter import images, storage
-from frida_painter.errors import FridaError, MakingFailed
+from frida_painter.errors import MakingFailed
+from frida_painter.python_process import ProcessLimits, in_own_process
 from frida_painter.registry import IMAGINE
-from frida_painter_words.picture_makers.diffusion import ANSWER, FAULT, TASK, TOLD
+from frida_painter.weights.pipeline_folder import USUAL_STEPS, PipelineFolder
+from frida_painter_words.picture_makers.making import MAX_BYTES, STRENGTH
 
 _STEP = 64  # pixels; sizes are multiples of it; for small networks, of an eighth of their usual size
 _BLACK = 1 / 255
-_LONGEST = 160  # characters of a foreign library's message
 _MANY_TOKENS, _USUAL_TOKENS = 10**6, 77
 _OF_A_PICTURE = {"mask_image", "strength", "image_guidance_scale"}
 """Arguments that only pipelines have that begin from a picture."""
 
 
-def _make(task: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Returns facts, and the file of each picture or the fault in its place. Raises MakingFailed.
+@dataclass(frozen=True)
+class PipelineTask:
+    """Pictures that a pipeline shall make.
 
-    task: name, folder, pipeline, variant, weights, record of the hashes if there is one, steps, few, words, seeds,
-    width, height, device, strength, and the files of canvas and mask, "" for none
-    The answer is also written after each picture, so that those before an end stay.
+    pipeline: what makes them, in that many steps
+    hashes: file of the hashes that its weights must have; None if there is none
+    words, seeds, width, height, canvas, free: as in PictureRequest
+    device: name of the device
+    pictures: folder for the files 1.png, 2.png, ...
     """
-    name, device = task["name"], torch.device(task["device"])
+
+    pipeline: PipelineFolder
+    steps: int
+    hashes: Path | None
+    words: str
+    seeds: tuple[int, ...]
+    width: int
+    height: int
+    device: str
+    canvas: Path | None
+    free: Path | None
+    pictures: Path
+
+
+@dataclass(frozen=True)
+class PipelineAnswer:
+    """What a pipeline has made so far.
+
+    size, pipeline, hashes: size of the pictures, class that ran, and hashes of its weights
+    faults: for each picture, why it cannot be used; "" if it can
+    """
+
+    size: str
+    pipeline: str
+    hashes: tuple[str, ...]
+    faults: tuple[str, ...] = ()
+
+
+@in_own_process(
+    ProcessLimits(written=MAX_BYTES), HF_HUB_OFFLINE="1", TRANSFORMERS_OFFLINE="1", HF_HUB_DISABLE_TELEMETRY="1"
+)
+def make_pictures(task: PipelineTask, tell: Callable[[str], None], keep: Callable[[PipelineAnswer], None]) -> None:
+    """Makes the pictures of a task. Raises MakingFailed.
+
+    tell: receives sentences about the progress
+    keep: receives the answer after each picture, so that those before an end stay
+    """
+    name, device = task.pipeline.name, torch.device(task.device)
     tell(f"Reading {name}.")
-    hashes = [storage.sha256(Path(file), "the weights of a pipeline", MakingFailed) for file in task["weights"]]
-    if task["record"] is not None:
-        known = storage.read_json(Path(task["record"]), "the record of fetched weights", MakingFailed).get("files", {})
-        for file, sha256 in zip(map(Path, task["weights"]), hashes, strict=True):
-            if known.get(file.relative_to(task["folder"]).as_posix()) != sha256:
+    hashes = [storage.sha256(file, "the weights of a pipeline", MakingFailed) for file in task.pipeline.weights]
+    if task.hashes is not None:
+        known = storage.read_json(task.hashes, "the record of fetched weights", MakingFailed).get("files", {})
+        for file, sha256 in zip(task.pipeline.weights, hashes, strict=True):
+            if known.get(file.relative_to(task.pipeline.folder).as_posix()) != sha256:
                 raise MakingFailed(
                     f"{name} was altered after it was fetched ({file.parent.name}/{file.name}); "
                     f"`frida-painter models fetch {IMAGINE}` mends it."
                 )
-    pipeline = _load(task, device)
-    width, height = _size(pipeline, task["width"], task["height"])
+    pipeline = _load(task, device, tell)
+    width, height = _size(pipeline, task.width, task.height)
     arguments = inspect.signature(pipeline.__call__).parameters
     begins_from: dict[str, Any] = {}
-    if task["canvas"]:
-        seen = images.load_exactly(Path(task["canvas"]))
-        free = images.load_exactly(Path(task["free"])) if task["free"] else np.full_like(seen, 255)
+    if task.canvas:
+        seen = images.load_exactly(task.canvas)
+        free = images.load_exactly(task.free) if task.free else np.full_like(seen, 255)
         canvas, mask = (Image.fromarray(each).resize((width, height), Image.Resampling.BOX) for each in (seen, free))
-        begins_from = {"image": canvas, "mask_image": mask.convert("L"), "strength": task["strength"]}
+        begins_from = {"image": canvas, "mask_image": mask.convert("L"), "strength": STRENGTH}
         begins_from = {name: value for name, value in begins_from.items() if name in arguments}
     # Of these steps, an img2img pipeline does the share that is its strength.
-    steps = math.ceil(task["steps"] / begins_from.get("strength", 1.0))
-    pictures: list[dict[str, str]] = []
-    answer = {
-        "made": pictures, "size": f"{width} x {height}", "hashes": hashes, "pipeline": type(pipeline).__name__
-    }  # fmt: skip
-    for number, seed in enumerate(task["seeds"], 1):
+    steps = math.ceil(task.steps / begins_from.get("strength", 1.0))
+    faults: list[str] = []
+    for number, seed in enumerate(task.seeds, 1):
         given = {
-            "prompt": task["words"], "width": width, "height": height, "num_inference_steps": steps, **begins_from,
+            "prompt": task.words, "width": width, "height": height, "num_inference_steps": steps, **begins_from,
             "generator": torch.Generator().manual_seed(seed), "output_type": "np",
-            "callback_on_step_end": _follow(f"Picture {number} of {len(task['seeds'])}", task["steps"]),
-            **({"guidance_scale": 0.0} if task["few"] and not _knows_guidance(pipeline) else {}),
+            "callback_on_step_end": _follow(f"Picture {number} of {len(task.seeds)}", task.steps, tell),
+            **({"guidance_scale": 0.0} if task.pipeline.steps < USUAL_STEPS and not _knows_guidance(pipeline) else {}),
         }  # fmt: skip
         made = pipeline(**{key: value for key, value in given.items() if key in arguments})
         try:
             picture = _require_picture(made, name, number, width, height)
+            images.save(picture, task.pictures / f"{number}.png")
+            if _is_censored(made):
+                tell(f"The safety checker of {name} made picture {number} black; try another --seed or other words.")
+            faults.append("")
         except MakingFailed as fault:
-            pictures.append({"fault": str(fault)})
-        else:
-            images.save(picture, folder / f"{number}.png")
-            pictures.append({"file": f"{number}.png"})
-        storage.write_json(folder / ANSWER, answer)
-    return answer
+            faults.append(str(fault))
+        keep(PipelineAnswer(f"{width} x {height}", type(pipeline).__name__, tuple(hashes), tuple(faults)))
 
 
-def _load(task: Mapping[str, Any], device: torch.device) -> Any:
+def _load(task: PipelineTask, device: torch.device, tell: Callable[[str], None]) -> Any:
     """Returns the pipeline on its device."""
     import diffusers
     from diffusers.utils import logging
 
-    name, kind = task["name"], task["pipeline"]
+    name, kind = task.pipeline.name, task.pipeline.pipeline
     if kind not in dir(diffusers):
         raise MakingFailed(
             f"{name} is a {kind}, which diffusers {diffusers.__version__} does not have; install a newer one, or name "
             "another pipeline."
         )
     asked = inspect.signature(getattr(diffusers, kind).__call__).parameters
-    if "prompt" not in asked or (not task["canvas"] and _OF_A_PICTURE & set(asked)):
+    if "prompt" not in asked or (not task.canvas and _OF_A_PICTURE & set(asked)):
         raise MakingFailed(f"{name} is a {kind}, which makes no picture from words alone; name one that does.")
     logging.set_verbosity_error()
     logging.disable_progress_bar()
@@ -106,13 +142,13 @@ def _load(task: Mapping[str, Any], device: torch.device) -> Any:
         precision = torch.bfloat16 if torch.cuda.is_bf16_supported(including_emulation=False) else torch.float16
     try:
         pipeline = loader.from_pretrained(
-            task["folder"], variant=task["variant"], torch_dtype=precision, use_safetensors=True,
+            task.pipeline.folder, variant=task.pipeline.variant, torch_dtype=precision, use_safetensors=True,
             local_files_only=True, low_cpu_mem_usage=False,
         ).to(device)  # fmt: skip
     except torch.OutOfMemoryError as cause:
         raise MakingFailed(f"{name} does not fit into the memory of the GPU; name a smaller one.") from cause
-    if task["canvas"] and "image" not in asked:
-        pipeline = _for_canvas(pipeline, name, masked=bool(task["free"]))
+    if task.canvas and "image" not in asked:
+        pipeline = _for_canvas(pipeline, name, masked=bool(task.free))
     pipeline.set_progress_bar_config(disable=True)
     for part, tokenizer in pipeline.components.items():
         if getattr(tokenizer, "model_max_length", 0) > _MANY_TOKENS:  # its settings do not tell: no number holds it
@@ -182,7 +218,7 @@ def _knows_guidance(pipeline: Any) -> bool:
     return getattr(config, "time_cond_proj_dim", None) is not None or bool(getattr(config, "guidance_embeds", False))
 
 
-def _follow(label: str, steps: int) -> Callable[..., dict[str, Any]]:
+def _follow(label: str, steps: int, tell: Callable[[str], None]) -> Callable[..., dict[str, Any]]:
     """Returns the callback that tells the steps of one picture, with the time that is left."""
     began = time.monotonic()
 
@@ -211,38 +247,10 @@ def _require_picture(made: Any, name: str, number: int, width: int, height: int)
         )
     if not bool(torch.isfinite(values).all()):
         raise MakingFailed(f"Picture {number} of {name} holds values that are no numbers (NaN); name another.")
-    flagged = getattr(made, "nsfw_content_detected", None)
-    if flagged and flagged[0] and float(values.max()) <= _BLACK:
-        tell(f"The safety checker of {name} made picture {number} black; try another --seed or other words.")
     return values.permute(2, 0, 1).to(torch.float32).clamp(0, 1)
 
 
-def tell(sentence: str) -> None:
-    """Tells the person a sentence."""
-    print(f"{TOLD}{sentence}", file=sys.stderr, flush=True)
-
-
-def _end_with_parent() -> None:
-    while os.read(0, 1):  # ends when the parent does, which holds the other end; sys.stdin would hold a lock at exit
-        pass
-    os._exit(1)
-
-
-def main() -> None:
-    """Does the task in the folder that the command line names; the process also ends if its parent does."""
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    folder = Path(sys.argv[1])
-    try:
-        storage.write_json(folder / ANSWER, _make(storage.read_json(folder / TASK, "a task"), folder))
-        return
-    except FridaError as fault:
-        sentence = str(fault)
-    except Exception as failure:  # foreign libraries may raise anything
-        why = " ".join(f"{type(failure).__name__}: {failure}".split())[:_LONGEST].rstrip(".")
-        sentence = f"The pipeline failed ({why}); name another, or try it without frida-painter."
-    storage.write_text(folder / FAULT, sentence)
-    sys.exit(1)
-
-
-if __name__ == "__main__":
-    main()
+def _is_censored(made: Any) -> bool:
+    """Returns True if the safety checker of a pipeline made its picture black."""
+    flagged = getattr(made, "nsfw_content_detected", None)
+    return bool(flagged and flagged[0]) and float(torch.as_tensor(made.images[0]).max()) <= _BLACK

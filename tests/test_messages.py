@@ -1,4 +1,5 @@
 import json
+import math
 import socket
 import struct
 import threading
@@ -11,15 +12,23 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from frida_painter.easel.connection import Wire
-from frida_painter.errors import RobotDisconnected
+from frida_painter.errors import (
+    CameraError,
+    FridaError,
+    MotionFailed,
+    ProcessLost,
+    RobotBusy,
+    RobotError,
+    RobotStopped,
+)
+from frida_painter.messages import Wire, decode_error, encode_error
 
 words = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | st.text(max_size=20),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=6,
 )
-numbers = st.sampled_from([np.uint8, np.float32, np.float64]).flatmap(
+numbers = st.binary(max_size=9) | st.sampled_from([np.uint8, np.float32, np.float64]).flatmap(
     lambda kind: arrays.arrays(kind, arrays.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=4))
 )
 
@@ -43,8 +52,9 @@ def test_what_is_sent_is_what_comes(said: dict, sent: dict) -> None:
         heard, received = Wire(other).receive(1)
     assert heard == said and list(received) == list(sent)
     for name, array in sent.items():
-        assert received[name].dtype == array.dtype and received[name].shape == array.shape
-        assert received[name].tobytes() == array.tobytes()
+        came = received[name]
+        assert type(came) is type(array) and bytes(came) == bytes(array)
+        assert isinstance(array, bytes) or (came.dtype, came.shape) == (array.dtype, array.shape)
 
 
 def test_a_photograph_larger_than_any_buffer_comes_whole(ends: tuple[Wire, socket.socket]) -> None:
@@ -73,6 +83,7 @@ def message(head: bytes, body: bytes = b"") -> bytes:
         message(b'{"arrays": {"a": ["<f8", [1]]}}', bytes(16)),
         message(b'{"arrays": {"a": ["|O", [1]]}}', bytes(8)),
         message(b'{"arrays": {"a": ["<f8", [-1]]}}'),
+        message(b'{"arrays": {"a": ["bytes", [9]]}}', bytes(8)),
         message(b'{"arrays": {"a": ["<f8", ["x"]]}}'),
         message(b'{"arrays": {"a": ["|u1", [99999999, 99999999]]}}'),
         message(b"[" * 100_000),
@@ -84,7 +95,7 @@ def message(head: bytes, body: bytes = b"") -> bytes:
 def test_what_is_no_message_is_refused(ends: tuple[Wire, socket.socket], content: bytes) -> None:
     wire, other = ends
     other.sendall(content)
-    with pytest.raises(RobotDisconnected):
+    with pytest.raises(ProcessLost):
         wire.receive(0.2)
 
 
@@ -93,9 +104,9 @@ def test_who_hangs_up_within_a_message_is_gone(ends: tuple[Wire, socket.socket],
     wire, other = ends
     other.sendall(message(b'{"arrays": {}}')[:cut])
     other.close()
-    with pytest.raises(RobotDisconnected, match="gone"):
+    with pytest.raises(ProcessLost, match="gone"):
         wire.receive(1)
-    with pytest.raises(RobotDisconnected, match="gone"):
+    with pytest.raises(ProcessLost, match="gone"):
         for _ in range(10):
             wire.send({"still": "there?"})
 
@@ -105,6 +116,32 @@ def test_who_stays_silent_is_late_and_a_message_that_trickles_in_is_as_well(ends
     for begun in (b"", message(b'{"arrays": {}}')[:9]):
         other.sendall(begun)
         began = time.monotonic()
-        with pytest.raises(RobotDisconnected, match="in time"):
+        with pytest.raises(ProcessLost, match="in time"):
             wire.receive(0.05)
         assert time.monotonic() - began < 30, "it does not wait for ever; how busy the machine is is another matter"
+
+
+def test_errors_come_as_themselves() -> None:
+    for error in (RobotBusy("busy", 7), MotionFailed("failed", "C31", 4), RobotStopped("stopped", asked=True),
+                  CameraError("dark"), RobotError("no")):  # fmt: skip
+        again = decode_error(encode_error(error), RobotError)
+        assert type(again) is type(error) and str(again) == str(error) and vars(again) == vars(error)
+
+    class Foreign(FridaError):
+        """Error of another package."""
+
+    assert type(decode_error(encode_error(Foreign("it is theirs")), RobotError)) is RobotError
+
+
+def test_an_error_with_other_fields_is_a_robot_error() -> None:
+    for kind, details in (
+        ("RobotBusy", {"pid": 7, "other": 1}), ("RobotAbandoned", {}), ("CameraError", {"code": 1}),
+        ("RobotBusy", None), ("annotations", {}),
+    ):  # fmt: skip
+        again = decode_error({"error": kind, "message": "no", "details": details}, RobotError)
+        assert type(again) is RobotError and str(again) == "no"
+
+
+def test_fields_of_an_error_that_json_has_no_form_of_come_as_text() -> None:
+    again = decode_error(json.loads(json.dumps(encode_error(MotionFailed("failed", np.int16(31), math)))), FridaError)  # type: ignore[arg-type]
+    assert isinstance(again, MotionFailed) and again.code == "31" and "math" in str(again.waypoint)
