@@ -14,7 +14,7 @@ from frida_painter.session import events
 from frida_painter.session.events import Event
 from frida_painter_studio.painting_state import Truth
 from frida_painter_studio.picture_choosing import MAX_MAKINGS, MakingOrder
-from frida_painter_studio.studio_folder import Brush, KeptRequest, Side
+from frida_painter_studio.studio_folder import Brush, CanvasSides, KeptRequest
 
 # Requests of the page; the worker reads them from the job's folder.
 
@@ -24,13 +24,13 @@ StepName = Literal["canvas", "touch", "surface", "paint", "trace", "strokes"]
 """Names of the steps, as in procedures/workspace.py, which the web process must not load."""
 _MIN_MARKS, _MAX_MARKS = 10, 60
 _MAX_POINTS = 400  # of a mark; the page sends only those that it needs
-_Place = Annotated[float, Field(ge=-1000, le=1000, allow_inf_nan=False)]
-_Press = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
-_Seconds = Annotated[float, Field(ge=0, le=600, allow_inf_nan=False)]
+_Place = Annotated[float, Field(ge=-1000, le=1000)]
+_Press = Annotated[float, Field(ge=0, le=1)]
+_Seconds = Annotated[float, Field(ge=0, le=600)]
 _Mark = Annotated[list[tuple[_Place, _Place, _Press, _Seconds]], Field(min_length=1, max_length=_MAX_POINTS)]
 
 
-class CalibrationRequest(KeptRequest):
+class CalibrationRequest(KeptRequest, CanvasSides):
     """Request for a calibration.
 
     what: procedures, in order.
@@ -42,8 +42,6 @@ class CalibrationRequest(KeptRequest):
 
     what: tuple[Procedure, ...] = Field(min_length=1, max_length=5)
     brush: Brush = "broad"
-    width: Side = 14 * 25.4
-    height: Side = 11 * 25.4
     seed: int = Field(0, ge=0, le=2**31 - 1)
     count: int = Field(60, ge=20, le=1000)
 
@@ -72,8 +70,8 @@ class SetupRequest(KeptRequest):
     _name = "the machine to set up"
 
     easel: str | None = Field(None, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _-]{0,60}$")
-    width: float | None = Field(None, ge=50, le=2000, allow_inf_nan=False)
-    height: float | None = Field(None, ge=50, le=2000, allow_inf_nan=False)
+    width: float | None = Field(None, ge=50, le=2000)
+    height: float | None = Field(None, ge=50, le=2000)
     brush: Brush | None = None
     step: StepName | None = None
     anew: bool = False
@@ -117,6 +115,7 @@ class JobState(ABC):
 
     name: of its folder, its routes, its topic and its first event, and the worker's name for it.
     request: form of its request.
+    told: fields of its request that its first event tells.
     ends: names of the results that end it.
     process, remedy: words about a process that vanished.
     moves: "always" if it moves a machine at every easel, "easel" if it moves the studio's, "never".
@@ -124,6 +123,7 @@ class JobState(ABC):
 
     name: ClassVar[str]
     request: ClassVar[type[KeptRequest]]
+    told: ClassVar[tuple[str, ...]] = ()
     ends: ClassVar[tuple[str, ...]] = ()
     process: ClassVar[str]
     remedy: ClassVar[str]
@@ -137,9 +137,9 @@ class JobState(ABC):
     version: int = 0
 
     @classmethod
-    @abstractmethod
-    def begin(cls, request: Any) -> tuple[str, Event]:
-        """Returns the begin of a job in words for the studio's record, and its first event."""
+    def begin(cls, request: Any) -> events.Began:
+        """Returns the first event of a requested job."""
+        return events.Began(cls.name, detail=request.model_dump(mode="json", include=set(cls.told)))
 
     def hear(self, event: Event, at: datetime | None = None) -> None:
         """Updates the state by an event; other events change nothing."""
@@ -208,18 +208,13 @@ class ProcedureState:
 class CalibrationJob(JobState):
     """State of all procedures of an easel."""
 
-    name, request = "calibration", CalibrationRequest
+    name, request, told = "calibration", CalibrationRequest, ("what",)
     process, remedy, moves = "calibrated", "Run the procedure again.", "easel"
 
     easel: str = ""
     procedures: dict[str, ProcedureState] = field(
         default_factory=lambda: {name: ProcedureState(name) for name in PROCEDURES}
     )
-
-    @classmethod
-    def begin(cls, request: CalibrationRequest) -> tuple[str, Event]:
-        """Returns the begin in words, and the first event."""
-        return f"calibrate {', '.join(request.what)}", events.Began(cls.name, detail={"what": list(request.what)})
 
     def _hear(self, event: Event) -> None:
         named = getattr(event, "name", "")
@@ -278,11 +273,6 @@ class Setup(JobState):
     written: dict[str, Any] | None = None
     left: str = ""
 
-    @classmethod
-    def begin(cls, request: SetupRequest) -> tuple[str, Event]:
-        """Returns the begin in words, and the first event."""
-        return f"set up {request.easel or 'a machine'}", events.Began(cls.name)
-
     def _hear(self, event: Event) -> None:
         match event:
             case events.Began(self.name):
@@ -313,21 +303,16 @@ class Teaching(JobState):
     taught: families that were learned here, by name: sentence, brush and picture of each.
     """
 
-    name, request, ends = "teaching", TeachingRequest, ("family",)
+    name, request, told, ends = "teaching", TeachingRequest, ("name",), ("family",)
     process, remedy = "learned the stroke", "Teach it again."
 
     family: str = ""
     taught: dict[str, dict[str, str]] = field(default_factory=dict)
 
-    @classmethod
-    def begin(cls, request: TeachingRequest) -> tuple[str, Event]:
-        """Returns the begin in words, and the first event."""
-        return f"teach {request.name}, {len(request.marks)} marks", events.Began(cls.name, request.name)
-
     def _hear(self, event: Event) -> None:
         match event:
-            case events.Began(self.name, name):
-                self.family = name
+            case events.Began(self.name, detail=asked):
+                self.family = str(asked.get("name", ""))
             case events.ResultFound("family", name, detail=learned):
                 self.taught[name] = learned
 
@@ -343,23 +328,17 @@ class Imagining(JobState):
     makings: the last ones, in order.
     """
 
-    name, request = "imagining", MakingOrder
+    name, request, told = "imagining", MakingOrder, ("words", "label")
     process, remedy = "made pictures", "Make them again."
 
     words: str = ""
     maker: str = ""
     makings: list[events.PicturesMade] = field(default_factory=list)
 
-    @classmethod
-    def begin(cls, request: MakingOrder) -> tuple[str, Event]:
-        """Returns the begin in words, and the first event."""
-        began = events.Began(cls.name, detail={"words": request.words, "maker": request.label})
-        return f"make pictures by {request.label}, seed {request.seed}", began
-
     def _hear(self, event: Event) -> None:
         match event:
             case events.Began(self.name, detail=order):
-                self.words, self.maker = str(order.get("words", "")), str(order.get("maker", ""))
+                self.words, self.maker = str(order.get("words", "")), str(order.get("label", ""))
             case events.PicturesMade():
                 self.makings = [*self.makings, event][-MAX_MAKINGS:]
 

@@ -16,6 +16,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.session import events
 from frida_painter.session.events import Event
 from frida_painter.session.fold import ENDS, Doing, LookState, PaintingState
+from frida_painter_studio.form import SETTINGS
 from frida_painter_studio.pace import WorkTimes
 from frida_painter_studio.studio_folder import PaintingFolder, working
 
@@ -23,7 +24,6 @@ _VANISHED = "The {}'s process ended in the middle of its work, without saying wh
 _LITTLE_ROOM = 64 * 2**20  # bytes
 _MAX_LOOKS = 200
 _MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "mixing", "remarks", "seconds")
-_OF_TERMINAL = ("title", "together", "strokes", "colors", "replans", "ground", "on_canvas", "minutes", "seed")
 _REPLANNED = ("prefix", "frames", "strokes", "palette")
 
 
@@ -303,8 +303,7 @@ class PaintingPage:
     def _describe_plan_of_terminal(self) -> PlanState:
         """Returns the plan of a painting that was begun at the terminal, from its settings."""
         settings, made = self.painting.settings, {"prefix": "", "frames": [], "palette": [], "mixtures": []}
-        wish = {name: settings.get(name) for name in _OF_TERMINAL} | {"terms": [], "initial": []}
-        wish["brushes"] = settings.get("brushes") or ""
+        wish = {name: settings.get(name) for name in ("title", *SETTINGS)} | {"terms": [], "initial": []}
         with suppress(ConfigError):
             size = CanvasSize.parse(str(settings.get("canvas")))
             wish |= {"width": 1000 * size.width, "height": 1000 * size.height}

@@ -8,7 +8,7 @@ import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 from urllib.parse import urlsplit
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
@@ -17,7 +17,7 @@ from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
 from frida_painter.session.events import PicturesMade
 from frida_painter_studio.reader import check_makers
-from frida_painter_studio.studio_folder import MAKING_SUFFIX, KeptRequest, Side, Words
+from frida_painter_studio.studio_folder import MAKING_SUFFIX, CanvasSides, KeptRequest, Words
 
 MADE = "made"
 """Folder of all makings in the folder for making pictures, each with a random name."""
@@ -82,24 +82,21 @@ PlainWords = Annotated[Words, AfterValidator(_require_plain)]
 MakerLabel = Annotated[str, Field(max_length=200)]
 
 
-class MakingRequest(BaseModel):
+class MakingRequest(CanvasSides):
     """Request for pictures of words.
 
     maker: label of a maker.
     seed: of the first picture.
-    width, height: of the canvas in mm.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     words: PlainWords
     maker: MakerLabel
-    seed: int = Field(0, ge=0, le=2**31 - 1, strict=True)
-    width: Side = 14 * 25.4
-    height: Side = 11 * 25.4
+    seed: int = Field(default=0, ge=0, le=2**31 - 1, strict=True)
 
 
-class MakingOrder(KeptRequest):
+class MakingOrder(MakingRequest, KeptRequest):
     """Request for pictures, completed by the studio for its worker.
 
     maker: as in `--imagine NAME:TEXT`.
@@ -108,23 +105,19 @@ class MakingOrder(KeptRequest):
 
     _name = "which pictures are to be made"
 
-    words: str
     maker: str
     label: str
     minutes: float
-    seed: int = 0
-    width: float = 14 * 25.4
-    height: float = 11 * 25.4
 
     @classmethod
-    def of(cls, words: str, label: str, allowed: AllowedMakers, **more: Any) -> Self:
+    def of(cls, request: MakingRequest, allowed: AllowedMakers) -> Self:
         """Returns the order of a request. Raises ConfigError if its maker is not allowed here."""
-        maker = allowed.by_label.get(label)
-        if maker is None:
-            known = ", ".join(allowed.by_label)
+        label, known = request.maker, ", ".join(allowed.by_label)
+        if label not in allowed.by_label:
             advice = f"choose one of {known}" if known else "whoever starts the studio allows one with --imagine"
             raise ConfigError(f"There is no picture maker {label[:60]!r} here; {advice}.")
-        return cls(words=words, maker=maker, label=label, minutes=allowed.minutes, **more)
+        own = {"maker": allowed.by_label[label], "label": label, "minutes": allowed.minutes}
+        return cls(**request.model_dump() | own)
 
 
 class ChosenPicture(BaseModel):

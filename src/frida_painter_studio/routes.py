@@ -279,7 +279,7 @@ def job_routes(studio: Studio, job: type[JobState]) -> APIRouter:
 
     @router.post("/answer")
     def answer(given: Reply, by: Session = leader) -> dict[str, str]:
-        studio.answer_job(job, given, by)
+        studio.answer(job, given, by)
         return {"id": job.name}
 
     @router.get("/files/{name}")
@@ -383,7 +383,7 @@ def painting_routes(studio: Studio) -> APIRouter:
 
     @router.post(f"{one}/choose")
     def choose(chosen: ChosenPicture, entry: Entry = this, by: Session = leader) -> dict[str, str]:
-        return studio.choose_proposal(entry, chosen, by)
+        return studio.choose_picture(chosen, by, entry)
 
     @router.post(f"{one}/delete")
     def delete(entry: Entry = this, by: Session = leader) -> dict[str, str]:

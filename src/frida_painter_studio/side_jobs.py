@@ -11,7 +11,6 @@ from tempfile import TemporaryDirectory
 from frida_painter import images, storage
 from frida_painter.brush import FIELD
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
 from frida_painter.easel.virtual_easel import open_virtual_easel
 from frida_painter.errors import Interrupted
@@ -40,9 +39,7 @@ def imagine(folder: PaintingFolder, feed: Feed, stop: StopWatch) -> None:
     Raises StopPressed, MakingFailed, ConfigError and StorageError.
     """
     order = MakingOrder.load(folder)
-    spec = RunSpec.of(
-        goal=[{"text": order.words}], seed=order.seed, canvas=CanvasSize(order.width / 1000, order.height / 1000)
-    )
+    spec = RunSpec.of(goal=[{"text": order.words}], seed=order.seed, canvas=order.size)
     place = folder.path / MADE / secrets.token_hex(12)  # random, because everybody who knows a name may see the picture
     place.parent.mkdir(exist_ok=True)
     _forget_old(folder)

@@ -19,7 +19,14 @@ from frida_painter import storage
 from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import ImageError, Interrupted, ProcessLost, StorageError
 from frida_painter_studio.reader import decode_upload
-from frida_painter_studio.studio_folder import FAMILIES, PICTURES, PaintingFolder, forget_lock, require_disk
+from frida_painter_studio.studio_folder import (
+    FAMILIES,
+    PICTURES,
+    PaintingFolder,
+    find_families,
+    forget_lock,
+    require_disk,
+)
 
 _SCHEMA = """
 CREATE TABLE IF NOT EXISTS painting (
@@ -72,7 +79,7 @@ class PaintingStore:
     @property
     def families(self) -> dict[str, Path]:
         """Files of the stroke families that were taught in this studio, by name."""
-        return {file.stem: file for file in storage.list_files(self.root / FAMILIES, "*.safetensors")}
+        return find_families(self.root / FAMILIES)
 
     def job(self, name: str) -> PaintingFolder:
         """Returns the folder of a job beside the paintings, made at the first use."""

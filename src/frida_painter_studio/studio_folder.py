@@ -15,32 +15,37 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    create_model,
+    model_validator,
+)
 
 from frida_painter import locks, registry, storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import JOURNAL, LIVE_PICTURE, STOP_FILE
-from frida_painter.errors import StorageError
+from frida_painter.errors import ConfigError, StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.objectives.objective import Gives, goal_kinds
-from frida_painter.planning.fields import AUTO, Focus, Ground, brush_shares, family_shares, limits_of
+from frida_painter.planning.fields import brush_shares, family_shares
 from frida_painter.runs.goal_item import Crop, GoalItem
 from frida_painter.runs.spec import RunSpec, without_former
 from frida_painter.session.events import Advanced, Event, events_of, record, time_of
+from frida_painter_studio.form import CONTROLS, SETTINGS
+from frida_painter_studio.web_app_easel import WebAppEasel
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
 Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
 _CANVAS: CanvasSize = RunSpec.model_fields["canvas"].default
-_LARGEST, _SMALLEST = 2000.0, 60.0  # mm
-
-
-def _field_like_spec(name: str) -> Any:
-    """Returns a field with the default and the limits of RunSpec."""
-    field = RunSpec.model_fields[name]
-    bounds: dict[str, Any] = limits_of(field)
-    return Field(field.default, allow_inf_nan=False, **bounds)
+Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
+"""Side of a canvas, mm."""
 
 
 def _find_known(kind: str) -> str:
@@ -60,33 +65,47 @@ def _require_brush(name: str) -> str:
     return name
 
 
-def _require_brushes(text: str) -> str:
-    if text:
-        for name, _ in brush_shares(text):
-            _require_brush(name)
-    return text
+Brush = Annotated[str, StringConstraints(max_length=400), AfterValidator(_require_brush)]
 
 
-_Short = StringConstraints(max_length=400)
-Brush = Annotated[str, _Short, AfterValidator(_require_brush)]
-Brushes = Annotated[str, _Short, AfterValidator(_require_brushes)]
+class CanvasSides(BaseModel):
+    """Sides of a canvas in mm; by default, those of `RunSpec`."""
+
+    width: Side = _CANVAS.width * 1000
+    height: Side = _CANVAS.height * 1000
+
+    @property
+    def size(self) -> CanvasSize:
+        """Size of the canvas."""
+        return CanvasSize(self.width / 1000, self.height / 1000)
 
 
-def _families(text: str) -> str:
-    if text:
-        family_shares(text)
-    return text
+class KeptRequest(BaseModel):
+    """Request of the page that is written into a folder, for the worker.
+
+    _name: what is asked, in words.
+    _key: its name in the file, and the file's own.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    _name: ClassVar[str]
+    _key: ClassVar[str] = "asked"
+
+    def keep(self, folder: "PaintingFolder | PlanFolder") -> None:
+        """Writes the request into the folder. Raises StorageError."""
+        storage.write_json(folder.path / f"{self._key}.json", {self._key: self.model_dump(mode="json")})
+
+    @classmethod
+    def load(cls, folder: "PaintingFolder | PlanFolder") -> Self:
+        """Returns the request from the folder. Raises StorageError."""
+        record = storage.read_json(folder.path / f"{cls._key}.json", cls._name)
+        try:
+            return cls.model_validate(record[cls._key])
+        except (KeyError, ValidationError) as cause:
+            raise StorageError(f"The request ({cls._name}) is damaged; ask again.") from cause
 
 
-_FAMILY = r"[a-z][a-z0-9-]{0,29}(:\d{1,2}%)?"
-Families = Annotated[str, StringConstraints(pattern=rf"^({_FAMILY}(,{_FAMILY}){{0,3}})?$"), AfterValidator(_families)]
-
-
-class _Checked(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class GoalRequest(_Checked):
+class GoalRequest(BaseModel):
     """One goal: words or the id of an uploaded picture, depending on its kind.
 
     weight: its importance.
@@ -94,10 +113,12 @@ class GoalRequest(_Checked):
     made: line about how the picture was made from words, for the page.
     """
 
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
     kind: Kind
     picture: Identifier | None = None
     words: Words | None = None
-    weight: float = Field(1.0, ge=0.01, le=100, allow_inf_nan=False)
+    weight: float = Field(1.0, ge=0.01, le=100)
     crop: Crop | None = None
     made: Annotated[str, StringConstraints(max_length=600)] | None = None
 
@@ -125,63 +146,44 @@ class GoalRequest(_Checked):
         return GoalItem(kind=self.kind, value=value, weight=self.weight, crop=self.crop)
 
 
-class PaintingRequest(_Checked):
-    """Request for a painting: goals, goals of the start, and settings; width and height in mm."""
+def _type_of(name: str) -> Any:
+    """Returns the type of a setting in a request: as in `RunSpec`, but a page names no file of this machine."""
+    options = CONTROLS[name].options
+    return Literal[tuple(options)] if options else RunSpec.model_fields[name].rebuild_annotation()
+
+
+_TYPED: dict[str, Any] = {name: (_type_of(name), RunSpec.model_fields[name].default) for name in SETTINGS}
+_Settings: Any = create_model("_Settings", __base__=(KeptRequest, CanvasSides), **_TYPED)
+
+
+class PaintingRequest(_Settings):  # type: ignore[misc]  # made from `RunSpec`
+    """Request for a painting: goals, goals of the start, sides of the canvas in mm, and the settings of the form."""
+
+    _name, _key = "what a person asked for", "wish"
 
     title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
     terms: tuple[GoalRequest, ...] = Field((), max_length=8)
-    together: bool = False
-    """True for a painting without a goal: the person begins."""
     initial: tuple[GoalRequest, ...] = Field((), max_length=2)
-    strokes: int = _field_like_spec("strokes")
-    colors: int = _field_like_spec("colors")
-    width: float = Field(_CANVAS.width * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
-    height: float = Field(_CANVAS.height * 1000, ge=_SMALLEST, le=_LARGEST, allow_inf_nan=False)
-    brushes: Brushes = ""
-    """Brushes of the layers; "" for the default ones."""
-    strokes_of: Families = ""
-    """Stroke families for further layers; "" for none."""
-    replans: int = _field_like_spec("replans")
-    ground: Ground = None
-    """Ground; None for the default one."""
-    on_canvas: bool = False
-    focus: Focus = RunSpec.model_fields["focus"].default
-    freedom: float = _field_like_spec("freedom")
-    paints: Literal["acrylics", "any"] = "acrylics"
-    drying: float = _field_like_spec("drying")
-    minutes: float | None = _field_like_spec("minutes")
-    effort: float = _field_like_spec("effort")
-    seed: int = _field_like_spec("seed")
 
     @model_validator(mode="before")
     @classmethod
-    def _upgrade(cls, given: Any) -> Any:
-        """Returns a request of 0.3 without settings that are fixed now."""
-        return without_former(given) if isinstance(given, dict) else given
+    def _without_blanks(cls, given: Any) -> Any:
+        """Returns the given fields of the form, without settings of 0.3 that are fixed now."""
+        if not isinstance(given, dict):
+            return given
+        return {name: value for name, value in without_former(given).items() if value != ""}
 
     @model_validator(mode="after")
     def _is_possible(self) -> Self:
         if not self.terms and not self.together:
             raise ValueError("There is nothing to paint yet: give a picture, or words, or draw something.")
-        if self.together and (self.terms or self.initial):
-            raise ValueError("A painting with a goal cannot be one without; take the goals away, or draw together.")
-        if self.together and not self._is_of_strokes_alone:
-            raise ValueError(
-                "To draw together without a goal, name one brush, and neither a stroke family, nor a time, nor a "
-                "ground that suits the goal."
-            )
+        for name, _ in brush_shares(self.brushes) if self.brushes else ():
+            _require_brush(name)
         if not self.title.isprintable():
             raise ValueError("The title holds characters that cannot be printed; type it anew.")
-        if self.on_canvas and self.ground not in (None, "white"):
-            raise ValueError("A canvas that is painted on as it is cannot be toned; choose one of them.")
         if not 1 / 4 <= self.width / self.height <= 4:
             raise ValueError("The canvas is too narrow: its longer side is at most four times the shorter one.")
         return self
-
-    @property
-    def _is_of_strokes_alone(self) -> bool:
-        """True if nothing is asked that only a goal can use."""
-        return "," not in self.brushes and not self.strokes_of and self.minutes is None and self.ground != AUTO
 
     @property
     def pictures(self) -> frozenset[str]:
@@ -194,6 +196,31 @@ class PaintingRequest(_Checked):
             name: tuple(term.item(pictures) for term in given)
             for name, given in (("goal", self.terms), ("initial", self.initial))
         }
+
+    def spec(self, easel: WebAppEasel, pictures: Path, families: Path) -> RunSpec:
+        """Returns the description of the requested painting at an easel. Raises ConfigError.
+
+        pictures: as in GoalRequest.item.
+        families: folder of the taught stroke families.
+        """
+        wanted = {name: getattr(self, name) for name in SETTINGS} | self.goals(pictures) | easel.settings
+        # The page chose the canvas in the picture's proportions, or the person another one.
+        wanted |= {"title": self.title or "Untitled", "canvas": self.size, "fit": "crop"}
+        wanted["colors"] = min(self.colors, self.strokes)
+        wanted["replans"] = min(self.replans, self.strokes - 1) if easel.has_camera else 0
+        if self.strokes_of:
+            known = dict.fromkeys(registry.parts(registry.STROKE_FAMILIES)) | find_families(families)
+            shares = family_shares(self.strokes_of)
+            for name in (name for name, _ in shares if name not in known):
+                named = ", ".join(known)
+                raise ConfigError(f"There is no stroke family {name[:60]!r}; choose one of {named}, or teach it.")
+            wanted["strokes_of"] = ",".join(f"{known[name] or name}:{100 * share:g}%" for name, share in shares)
+        return RunSpec.of(**wanted, calibration=easel.known)
+
+
+def find_families(folder: Path) -> dict[str, Path]:
+    """Returns the files of the stroke families that were taught in a studio, by name."""
+    return {file.stem: file for file in storage.list_files(folder, "*.safetensors")}
 
 
 FAMILIES = "families"
@@ -231,11 +258,7 @@ class PlanFolder:
 
     def request(self) -> PaintingRequest:
         """Returns the request of the plan. Raises StorageError."""
-        record = storage.read_json(self.path / "wish.json", "what a person asked for")
-        try:
-            return PaintingRequest.model_validate(record["wish"])
-        except (KeyError, ValidationError) as cause:
-            raise StorageError("What was asked for this plan is damaged; make another plan.") from cause
+        return PaintingRequest.load(self)
 
 
 class _Inside:
@@ -332,7 +355,7 @@ class PaintingFolder:
         for file in (f"{name}{suffix}" for name in request.pictures for suffix in (".png", MAKING_SUFFIX)):
             if file.endswith(".png") or (pictures / file).is_file():
                 storage.copy(pictures / file, plan.path / file, "a picture of this goal", storage.MAX_BYTES)
-        storage.write_json(plan.path / "wish.json", {"wish": request.model_dump(mode="json")})
+        request.keep(plan)
         return plan
 
     def find_shown(self, place: str, name: str) -> Path | None:
@@ -439,33 +462,6 @@ def _may_work(folder: PaintingFolder) -> bool:
 def working(folder: PaintingFolder) -> bool:
     """Returns True if a worker or a terminal is at work on the painting."""
     return locks.is_held(_lock_file(folder)) or (folder.is_of_terminal and locks.is_held(folder.path / JOURNAL))
-
-
-# Request of the page for a job.
-
-_FILE = "asked.json"
-Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
-"""Side of a canvas, mm."""
-
-
-class KeptRequest(BaseModel):
-    """Request of the page that is written into a folder, for the worker; `_name` says in words what is asked."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    _name: ClassVar[str]
-
-    def keep(self, folder: PaintingFolder) -> None:
-        """Writes the request into the folder. Raises StorageError."""
-        storage.write_json(folder.path / _FILE, {"asked": self.model_dump(mode="json")})
-
-    @classmethod
-    def load(cls, folder: PaintingFolder) -> Self:
-        """Returns the request from the folder. Raises StorageError."""
-        record = storage.read_json(folder.path / _FILE, cls._name)
-        try:
-            return cls.model_validate(record["asked"])
-        except (KeyError, ValidationError) as cause:
-            raise StorageError(f"The request ({cls._name}) is damaged; ask again.") from cause
 
 
 # Feed of a painting or a job: what is asked for and how the workers' processes fare. A painting itself is told by its

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from frida_painter.easel.kinds import HUMAN, NO_CAMERA, is_machine, is_simulated, require_equipment
 from frida_painter_studio.reader import read_canvas
@@ -49,6 +49,12 @@ class WebAppEasel:
     def known(self) -> Path | None:
         """File of the record; None if it does not exist."""
         return self.record if self.record.is_file() else None
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings of `RunSpec` that describe this easel."""
+        pace = self.pace if self.simulated else 0.0
+        return {"robot": self.robot, "camera": self.camera, "workspace": self.workspace, "pace": pace}
 
     def validate(self) -> Self:
         """Returns the checked easel, with the canvas of its workspace file.

@@ -12,11 +12,11 @@ from frida_painter import registry, storage
 from frida_painter.easel.kinds import PAUSE_FILE
 from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
-from frida_painter.planning.fields import family_shares
 from frida_painter.registry import are_here
 from frida_painter.session.events import Began
 from frida_painter_studio import commands, picture_choosing, studio_folder
 from frida_painter_studio.commands import Command, Reply, Role
+from frida_painter_studio.form import describe_form, name_settings
 from frida_painter_studio.jobs import JOBS, Imagining, JobState, Setup, TeachingRequest
 from frida_painter_studio.pace import LAST, WorkTimes, find_pace
 from frida_painter_studio.painting_state import PaintingPage, Status
@@ -87,8 +87,7 @@ class Studio:
             "dangerous": easel.drives_machine,
             "pace": find_pace(self._last_times(), real_time=not easel.simulated),
             "canvas": easel.canvas,
-            "brushes": list(registry.parts(registry.STROKE_MODELS)),
-            "families": list(self._families),
+            "form": describe_form(easel, self._families),
             "turns": list(registry.parts(registry.TURN_POLICIES)),
             "makers": list(self.makers.by_label),
         }
@@ -192,24 +191,27 @@ class Studio:
 
     def begin(self, request: PaintingRequest) -> Entry:
         """Begins a painting and its first plan."""
-        self._require_possible(request)
+        self._require_paintable(request)
         entry = self.store.begin(request.title or "Untitled")
         self._plan(entry, request)
         return entry
 
     def plan_again(self, entry: Entry, request: PaintingRequest) -> None:
         """Makes another plan for a painting, from the same request or another one."""
-        self._require_possible(request)
+        self._require_paintable(request)
         self._plan(entry, request)
+
+    def _require_paintable(self, request: PaintingRequest) -> None:
+        """Raises ConfigError, in the words of the form, if goals or settings cannot be painted at this easel."""
+        self._require_possible(request)
+        try:
+            request.spec(self.easel, self.store.pictures, self.store.root / studio_folder.FAMILIES)
+        except ConfigError as error:
+            raise ConfigError(name_settings(str(error))) from error
 
     def _require_possible(self, request: PaintingRequest) -> None:
         """Raises ConfigError if a picture of the request is missing, or if a kind of goal is not ready."""
         self._require_pictures(request.pictures)
-        if request.strokes_of:
-            unknown = [name for name, _ in family_shares(request.strokes_of) if name not in self._families]
-            if unknown:
-                known = ", ".join(self._families)
-                raise ConfigError(f"There is no stroke family {unknown[0]!r}; choose one of {known}, or teach it.")
         for kind in {term.kind for term in (*request.terms, *request.initial)}:
             able = abilities()[kind]
             if not able["ready"]:
@@ -308,7 +310,7 @@ class Studio:
             case commands.Propose(words, maker):
                 if self.painting(entry)["painting"]["making"] is not None:
                     raise Interrupted("Pictures are being made here already; wait until they are there, or stop it.")
-                MakingOrder.of(words, maker, self.makers).keep(entry.folder)
+                MakingOrder.of(MakingRequest(words=words, maker=maker), self.makers).keep(entry.folder)
             case commands.TakeTurns(policy=policy) if policy not in registry.parts(registry.TURN_POLICIES):
                 known = ", ".join(registry.parts(registry.TURN_POLICIES))
                 raise ConfigError(f"There is no way of taking turns {policy!r}; take one of {known}.")
@@ -321,19 +323,12 @@ class Studio:
         self.store.note(by.id, entry.id, commands.describe(command))
         commands.tell_worker(entry.folder, command, by.id)
 
-    def choose_proposal(self, entry: Entry, chosen: ChosenPicture, by: Session) -> dict[str, str]:
-        """Takes a proposed picture of a painting among the pictures for goals; returns its id, and how it was made."""
-        proposed = self.feeds.view(entry.folder, PaintingPage, lambda state, truth: state.painting.proposed)
-        made = picture_choosing.take_picture(
-            chosen, [proposed] if proposed else [], entry.folder.painting, self.store.pictures
-        )
-        self.store.note(by.id, entry.id, f"choose {made['made']}")
-        return made
-
-    def answer(self, entry: Entry, given: Reply, by: Session) -> None:
-        """Answers a question of the painter."""
-        self.store.note(by.id, entry.id, f"answer: {given.words}")
-        _hand_on(given, entry.folder, self.painting(entry)["question"], by.id)
+    def answer(self, of: Entry | type[JobState], given: Reply, by: Session) -> None:
+        """Answers a question of a painter or a job, moves brush or tip as asked, or leaves the setup."""
+        name, folder = (of.id, of.folder) if isinstance(of, Entry) else (of.name, self.store.job(of.name))
+        asked = self.painting(of) if isinstance(of, Entry) else self.job(of)
+        self.store.note(by.id, name, f"answer: {given.words}")
+        _hand_on(given, folder, asked["question"], by.id)
 
     def delete(self, entry: Entry, by: Session) -> None:
         """Deletes a painting with all its files, while no worker can begin there."""
@@ -360,8 +355,8 @@ class Studio:
             elif job.moves == "easel":
                 self.presence.allow(self.easel)
             folder.stop.unlink(missing_ok=True)
-            said, started = job.begin(order)
-            self.store.note(by.id, job.name, said)
+            started = job.begin(order)
+            self.store.note(by.id, job.name, f"start {started.detail}")
             order.keep(folder)
             studio_folder.tell_once(folder, started)
             slot.start(job.name, folder.plan(1))
@@ -369,16 +364,10 @@ class Studio:
     def _complete(self, request: KeptRequest | MakingRequest) -> KeptRequest:
         """Returns the request for the worker. Raises ConfigError for a taken name or a maker that is not allowed."""
         if isinstance(request, MakingRequest):
-            more = request.model_dump(exclude={"words", "maker"})
-            return MakingOrder.of(request.words, request.maker, self.makers, **more)
+            return MakingOrder.of(request, self.makers)
         if isinstance(request, TeachingRequest) and request.name in self._families:  # paintings with it may go on
             raise ConfigError(f"There is a stroke family {request.name!r} already; give yours another name.")
         return request
-
-    def answer_job(self, job: type[JobState], given: Reply, by: Session) -> None:
-        """Answers a question of a job, moves brush or tip as asked, or leaves the setup."""
-        self.store.note(by.id, job.name, f"answer: {given.words}")
-        _hand_on(given, self.store.job(job.name), self.job(job)["question"], by.id)
 
     def stop_imagining(self, by: Session) -> None:
         """Stops the making of pictures, and no other work."""
@@ -387,12 +376,20 @@ class Studio:
             self.store.note(by.id, Imagining.name, "stop")
             folder.stop_now()
 
-    def choose_picture(self, chosen: ChosenPicture, by: Session) -> dict[str, str]:
-        """Takes a made picture among the pictures for goals; returns its id, and how it was made."""
-        folder = self.store.job(Imagining.name)
-        makings = self.feeds.view(folder, Imagining, lambda state, truth: list(state.makings))
-        made = picture_choosing.take_picture(chosen, makings, folder.path / picture_choosing.MADE, self.store.pictures)
-        self.store.note(by.id, Imagining.name, f"choose {made['made']}")
+    def choose_picture(self, chosen: ChosenPicture, by: Session, entry: Entry | None = None) -> dict[str, str]:
+        """Takes a made picture, or a proposed one of a painting, among the pictures for goals.
+
+        Returns its id, and how it was made.
+        """
+        if entry is None:
+            folder = self.store.job(Imagining.name)
+            makings = self.feeds.view(folder, Imagining, lambda state, truth: list(state.makings))
+            root = folder.path / picture_choosing.MADE
+        else:
+            proposed = self.feeds.view(entry.folder, PaintingPage, lambda state, truth: state.painting.proposed)
+            makings, root = [proposed] if proposed else [], entry.folder.painting
+        made = picture_choosing.take_picture(chosen, makings, root, self.store.pictures)
+        self.store.note(by.id, Imagining.name if entry is None else entry.id, f"choose {made['made']}")
         return made
 
 
@@ -469,24 +466,15 @@ def abilities() -> dict[str, dict[str, object]]:
 
     Its label, what it does, and True if it is given as words, for the page, which knows no kind of another package.
     """
-    return {
-        name: {
-            **_ability(name, kind.networks),
-            "label": kind.label,
-            "verb": kind.help.removesuffix("."),
-            "words": kind.gives is Gives.WORDS,
-        }
-        for name, kind in goal_kinds().by_name.items()
-    }
-
-
-def _ability(kind: str, groups: tuple[tuple[str, ...], ...]) -> dict[str, object]:
-    missing = [group[-1] for group in groups if not any(map(are_here, group))]
-    fetch = ["words"] if kind == "text" and missing else missing
-    said = []
-    if kind in _EXTRAS and not registry.is_installed(_EXTRAS[kind][1]):
-        said.append(registry.advice(_EXTRAS[kind][0], "This"))
-    if missing:
-        command = f"frida-painter models fetch {' '.join(fetch)}"
-        said.append(f"This needs a network that is not here yet; fetch it with: {command}")
-    return {"ready": not said, "missing": missing, "fetch": fetch, "advice": ". ".join(said)}
+    found: dict[str, dict[str, object]] = {}
+    for name, kind in goal_kinds().by_name.items():
+        missing = [group[-1] for group in kind.networks if not any(map(are_here, group))]
+        fetch, said = ["words"] if name == "text" and missing else missing, []
+        if name in _EXTRAS and not registry.is_installed(_EXTRAS[name][1]):
+            said.append(registry.advice(_EXTRAS[name][0], "This"))
+        if missing:
+            command = f"frida-painter models fetch {' '.join(fetch)}"
+            said.append(f"This needs a network that is not here yet; fetch it with: {command}")
+        about = {"label": kind.label, "verb": kind.help.removesuffix("."), "words": kind.gives is Gives.WORDS}
+        found[name] = {"ready": not said, "missing": missing, "fetch": fetch, "advice": ". ".join(said), **about}
+    return found

@@ -1,7 +1,7 @@
 """Jobs of a worker process: it plans, paints or calibrates; worker_process.py starts them."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -26,14 +26,12 @@ from frida_painter.errors import (
     PaintingPaused,
     RobotStopped,
 )
-from frida_painter.export.gcode import gcode
-from frida_painter.export.vector import plan_widths, svg, table
+from frida_painter.export.vector import plan_widths, svg
+from frida_painter.exporter import ExportOptions, export_plan
 from frida_painter.hardware.easel import Easel
-from frida_painter.hardware.gcode import Gcode
 from frida_painter.mixing.recipe import volumes
 from frida_painter.perception.snapshot import find_corners
 from frida_painter.plan import Plan
-from frida_painter.planning.fields import family_shares
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
 from frida_painter.report.painters import PERSON, find_painters
@@ -43,10 +41,8 @@ from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.settle import ground_of, paints_for_recipes
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events
-from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.controls import Controls
 from frida_painter.session.opening import adopt_camera, statuses
-from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.time_left import PlanTime, share_of_plan
 from frida_painter_calibration.calibrating import (
     CalibrationSetup,
@@ -88,50 +84,8 @@ class Job:
         return self.folder.easel if self.easel.simulated else None
 
     def spec(self, place: PlanFolder) -> RunSpec:
-        """Returns the description of the requested painting at this studio's easel.
-
-        Raises ConfigError and StorageError.
-        """
-        request = place.request()
-        wanted = {name: value for name, value in request if name in RunSpec.model_fields}
-        wanted |= request.goals(place.path) | self._easel_fields
-        wanted["title"] = request.title or "Untitled"
-        wanted["colors"] = min(request.colors, request.strokes)
-        wanted["canvas"] = CanvasSize(request.width / 1000, request.height / 1000)
-        wanted["fit"] = "crop"  # the page chose the canvas in the picture's proportions, or the person another one
-        wanted["brushes"] = request.brushes or None
-        wanted["strokes_of"] = self._families(request.strokes_of)
-        wanted["replans"] = min(request.replans, request.strokes - 1) if self.easel.has_camera else 0
-        wanted["calibration"] = self.easel.known
-        return RunSpec.of(**wanted)
-
-    def _families(self, asked: str) -> str | None:
-        """Returns families in the form of RunSpec; those taught in this studio by their files."""
-        if not asked:
-            return None
-        files = {name: self.folder.families / f"{name}.safetensors" for name, _ in family_shares(asked)}
-        shares = ((str(files[name]) if files[name].is_file() else name, share) for name, share in family_shares(asked))
-        return ",".join(f"{source}:{100 * share:g}%" for source, share in shares)
-
-    def spec_to_calibrate(self, request: CalibrationRequest) -> RunSpec:
-        """Returns the description of the easel to calibrate.
-
-        Its canvas is that of the workspace file, if there is one.
-        """
-        size: dict[str, Any] = (
-            {} if self.easel.workspace else {"canvas": CanvasSize(request.width / 1000, request.height / 1000)}
-        )
-        return RunSpec.of(brush=request.brush, seed=request.seed, **size, **self._easel_fields)
-
-    @property
-    def _easel_fields(self) -> dict[str, Any]:
-        easel = self.easel
-        return {
-            "robot": easel.robot,
-            "camera": easel.camera,
-            "workspace": easel.workspace,
-            "pace": easel.pace if easel.simulated else 0.0,
-        }
+        """Returns the description of the requested painting at this easel. Raises ConfigError and StorageError."""
+        return place.request().spec(self.easel, place.path, self.folder.families)
 
 
 # Calibration by a worker: it leads the procedures, asks on the page, and saves the easel's record.
@@ -151,7 +105,8 @@ def calibrate(job: Job) -> None:
     """Runs the requested procedures in order; saves each result at once."""
     request, folder = CalibrationRequest.load(job.folder), job.folder.painting
     _make_ready(folder)
-    spec = job.spec_to_calibrate(request)
+    size = {} if job.easel.workspace else {"canvas": request.size}
+    spec = RunSpec.of(brush=request.brush, seed=request.seed, **size, **job.easel.settings)
     with easel_of(spec, folder, job.state) as easel:
         here = with_operator(easel, spec, job.asker.answer)
         try:
@@ -344,37 +299,28 @@ def export(plan: Plan, models: Mapping[str, StrokeModel], folder: Path, drying: 
     drying: drying time of a layer in minutes.
     Raises StorageError.
     """
-    flatbed = FlatbedWorkspace()
-    choreography = Choreography.of(flatbed.motion(plan.canvas), plan.brushes)
-    actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
-    program = gcode(plan, list(actions), Gcode("grbl", flatbed.travel_speed), pauses=True, drying=60 * drying)
     storage.write_text(folder / "strokes.svg", svg(plan, plan_widths(plan, models)))
-    storage.write_text(folder / "strokes.csv", table(plan))
-    storage.write_text(folder / "strokes.gcode", program)
+    export_plan(plan, folder / "strokes.csv")
+    export_plan(plan, folder / "strokes.gcode", options=ExportOptions(drying=drying))
 
 
 def work(what: str, job: Job, place: PlanFolder) -> None:
     """Runs a job by name. Raises ConfigError for an unknown one."""
     prepare_process()
     job.stop.heed()
-    match what:
-        case "plan":
-            make_plan(job, place)
-        case "paint":
-            paint(job, place)
-        case "resume":
-            resume(job, place)
-        case "calibration":
-            calibrate(job)
-        case "setup":
-            set_up(job)
-        case "teaching":
-            teach_stroke(job)
-        case "imagining":
-            imagine(job.folder, job.feed, job.stop)
-        case _:
-            jobs = "plan, paint, resume, calibration, setup, teaching or imagining"
-            raise ConfigError(f"There is no job {what[:40]!r}; it is {jobs}.")
+    of_plans = {"plan": make_plan, "paint": paint, "resume": resume}
+    others: dict[str, Callable[[Job], None]] = {
+        "calibration": calibrate,
+        "setup": set_up,
+        "teaching": teach_stroke,
+        "imagining": lambda job: imagine(job.folder, job.feed, job.stop),
+    }
+    if what in of_plans:
+        of_plans[what](job, place)
+    elif what in others:
+        others[what](job)
+    else:
+        raise ConfigError(f"There is no job {what[:40]!r}; it is {', '.join([*of_plans, *others])}.")
 
 
 def make_plan(job: Job, place: PlanFolder) -> None:

@@ -578,7 +578,8 @@ def test_a_taught_stroke_can_be_chosen_and_another_one_is_refused(
 ) -> None:
     (studio.store.root / "families").mkdir()
     (studio.store.root / "families/hook.safetensors").write_bytes(b"")
-    assert "hook" in visitor.get("/api/studio").json()["families"]
+    form = {control["name"]: control for control in visitor.get("/api/studio").json()["form"]["controls"]}
+    assert {"strokes_of": "hook"} in [option["sets"] for option in form["strokes_of"]["options"]]
     wish = painting_request(PICTURE, brushes="fine")
     assert visitor.post("/api/paintings", json={**wish, "strokes_of": "hook:40%"}).status_code == 200
     refused = visitor.post("/api/paintings", json={**wish, "strokes_of": "crook"})
@@ -594,9 +595,17 @@ def test_a_brush_of_another_package_can_be_chosen_and_one_that_nobody_has_is_ref
     refused = visitor.post("/api/calibration/start", json={"what": ["strokes"], "brush": "mop"})
     assert refused.status_code == 422 and "Brush 'mop' is not known" in refused.json()["sentence"]
     install(tmp_path / "mops", monkeypatch, "mops", {registry.STROKE_MODELS: {"mop": "mops:MOP"}})
-    assert visitor.get("/api/studio").json()["brushes"] == ["fine", "medium", "broad", "mop"]
     assert visitor.post("/api/paintings", json=wish).status_code == 200
     assert visitor.post("/api/calibration/start", json={"what": ["strokes"], "brush": "mop"}).status_code == 200
+
+
+def test_settings_that_do_not_fit_together_are_refused_at_once_in_the_words_of_the_form(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
+) -> None:
+    (studio.store.pictures / f"{PICTURE}.png").write_bytes(b"")
+    refused = visitor.post("/api/paintings", json=painting_request(brushes="broad,fine", minutes=10))
+    assert refused.status_code == 422 and "“Robot's time” is 10" in refused.json()["sentence"]
+    assert visitor.get("/api/paintings").json() == []
 
 
 def test_a_drawing_without_a_goal_takes_nothing_that_only_a_goal_can_use(

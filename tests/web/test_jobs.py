@@ -171,8 +171,8 @@ def test_an_order_without_its_number_or_from_a_second_browser_is_not_done(tmp_pa
 BEGUN: list[tuple[type[JobState], Any]] = [
     (CalibrationJob, events.Began("calibration", detail={"what": ["canvas"]})),
     (Setup, events.Began("setup")),
-    (Teaching, events.Began("teaching", "hook")),
-    (Imagining, events.Began("imagining", detail={"words": "a hat", "maker": "command: true"})),
+    (Teaching, events.Began("teaching", detail={"name": "hook"})),
+    (Imagining, events.Began("imagining", detail={"words": "a hat", "label": "command: true"})),
 ]
 
 

@@ -158,7 +158,7 @@ def test_a_photograph_becomes_a_painting_in_the_gallery(opens: Open, studio: Ser
         page.set_input_files("input[type=file]", photograph)
         page.get_by_label("Quick study").check()
         page.get_by_text("More settings").click()
-        for label, value in (("Strokes", 0), ("Paints to mix", 3), ("Replans", 1)):
+        for label, value in (("Strokes", 0), ("Paints to mix", 2), ("Replans", 1)):
             page.get_by_label(label).fill(str(value))
         press(page, "Make a plan")
         expect(page.get_by_role("button", name="Use plan 1")).to_be_visible(timeout=LONG)

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -6,9 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from frida_painter.errors import ConfigError
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
+from frida_painter_studio.form import SETTINGS
 from frida_painter_studio.studio_folder import GoalRequest, PaintingRequest
+from frida_painter_studio.web_app_easel import WebAppEasel
 
 PICTURE = "0" * 32
 
@@ -31,17 +35,25 @@ def test_the_goals_of_a_request_are_goal_items_with_the_files_of_their_pictures(
     assert cropped.goals(Path("here"))["goal"][0].crop == (0, 0.25, 1, 0.5)
 
 
-def test_what_matters_most_in_a_picture_is_asked_for_as_on_the_command_line() -> None:
-    assert request_of().focus == "faces" and request_of(focus="none").focus == "none"
-    with pytest.raises(ValidationError, match="'faces' or 'none'"):
-        request_of(focus="hands")
+def test_settings_are_those_of_the_description_and_a_blank_field_is_not_given() -> None:
+    usual = {name: RunSpec.model_fields[name].default for name in SETTINGS}
+    for asked in (request_of(), request_of(**dict.fromkeys(SETTINGS, ""))):
+        assert {name: getattr(asked, name) for name in SETTINGS} == usual
+    assert request_of(ground=" #C8A878 ").ground == "#c8a878", "as on the command line"
 
 
-def test_how_free_colors_are_is_asked_for_as_on_the_command_line() -> None:
-    assert request_of().freedom == RunSpec.model_fields["freedom"].default and request_of(freedom=1).freedom == 1
-    for wrong in (-0.1, 1.1, float("nan")):
-        with pytest.raises(ValidationError, match="freedom"):
-            request_of(freedom=wrong)
+def test_the_description_of_a_request_is_for_the_studios_easel(tmp_path: Path) -> None:
+    easel = WebAppEasel(tmp_path / "record.json", pace=0.5)
+    (tmp_path / "hook.safetensors").write_bytes(b"")
+    asked = request_of(strokes=5, colors=12, replans=9, width=297, height=210, strokes_of="hook,comma", title="Tea")
+    spec = asked.spec(easel, tmp_path, tmp_path)
+    assert (spec.colors, spec.replans, spec.pace, spec.title, spec.fit) == (5, 4, 0.5, "Tea", "crop")
+    assert str(spec.canvas) == "297 x 210 mm" and spec.strokes_of == f"{tmp_path}/hook.safetensors:20%,comma:20%"
+    for other in ("crook", "/etc/passwd", f"comma,{tmp_path}/hook.safetensors"):
+        with pytest.raises(ConfigError, match="no stroke family"):
+            request_of(strokes_of=other).spec(easel, tmp_path, tmp_path)
+    unseen = replace(easel, robot="human", camera="none").validate()
+    assert request_of(replans=9).spec(unseen, tmp_path, tmp_path).replans == 0
 
 
 def test_a_request_of_an_upright_brush_is_read_and_one_of_a_leaning_brush_refused() -> None:
@@ -49,12 +61,6 @@ def test_a_request_of_an_upright_brush_is_read_and_one_of_a_leaning_brush_refuse
     assert request_of(tilt=0.0) == request_of()
     with pytest.raises(ValidationError, match="tilt"):
         request_of(tilt=20.0)
-
-
-def test_people_who_do_not_mix_say_so() -> None:
-    assert request_of().paints == RunSpec.model_fields["paints"].default and request_of(paints="any").paints == "any"
-    with pytest.raises(ValidationError, match="paints"):
-        request_of(paints="/etc/passwd")
 
 
 @given(st.text(max_size=300))
@@ -102,6 +108,12 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
         ({"minutes": float("nan")}, "finite"),
         ({"width": 1900, "height": 70}, "too narrow"),
         ({"brushes": "/dev/sda"}, "fine"),
+        ({"brushes": "broad:10%"}, "together they make 100 %"),
+        ({"paints": "/etc/passwd"}, "'acrylics' or 'any'"),
+        ({"focus": "hands"}, "'faces' or 'none'"),
+        *(({"freedom": wrong}, "freedom") for wrong in (-0.1, 1.1, float("nan"))),
+        ({"ground": "blue"}, "not a ground"),
+        *(({name: "x"}, "Extra") for name in ("palette", "calibration", "robot", "pictures")),
         ({"title": "a\nb"}, "cannot be printed"),
         ({"address": "http://evil"}, "Extra"),
     ],

@@ -42,7 +42,7 @@ from frida_painter_studio.commands import (
     tell_worker,
 )
 from frida_painter_studio.painter import PauseController
-from frida_painter_studio.picture_choosing import AllowedMakers, MakingOrder
+from frida_painter_studio.picture_choosing import AllowedMakers, MakingOrder, MakingRequest
 from frida_painter_studio.stop import StopPressed, StopWatch
 from frida_painter_studio.studio_folder import PaintingFolder, PaintingRequest
 from killing import kill_when
@@ -206,7 +206,7 @@ def order(folder: PaintingFolder, command: str = WAVE, minutes: float = 1.0) -> 
     """Has the studio allow a maker, and returns the command of a person who asks it."""
     images.save(picture(60, 80), folder.path / "wave.png")
     allowed = AllowedMakers({"boats": f"command:{command.format_map(Places(here=folder.path))}"}, minutes)
-    MakingOrder.of("add a boat", "boats", allowed).keep(folder)
+    MakingOrder.of(MakingRequest(words="add a boat", maker="boats"), allowed).keep(folder)
     return Propose("add a boat", "boats")
 
 

@@ -207,7 +207,7 @@ def test_a_painting_that_was_begun_at_the_terminal_is_shown_too() -> None:
     shown = told(journal=[PaintingBegun(settings, {}), *PAINTED[1:]]).to_plain(Truth(working=True, begun=False))
     (plan,) = shown["plans"]
     assert (plan["number"], plan["status"], shown["painting"]["plan"]) == (0, "ready", 0)
-    assert (plan["wish"]["width"], plan["wish"]["height"], plan["wish"]["brushes"]) == (120, 90, "")
+    assert (plan["wish"]["width"], plan["wish"]["height"], plan["wish"]["brushes"]) == (120, 90, None)
     assert "width" not in told(journal=PAINTED).to_plain(AT_REST)["plans"][0]["wish"]
 
 

@@ -1,10 +1,17 @@
 // What the studio's server tells the page: painting_state.py, jobs.py, studio_folder.py; and what views get from main.js.
 
 interface Term { kind: string; picture?: string | null; words?: string | null; weight: number; crop?: number[] | null; made?: string | null }
-interface Wish {
-  title: string; terms: Term[]; initial: Term[]; together: boolean; strokes: number; colors: number; width: number; height: number;
-  brushes: string; strokes_of?: string; replans: number; ground: string | null; on_canvas: boolean; focus: "faces" | "none"; freedom?: number; paints: "acrylics" | "any"; drying: number; minutes: number | null; effort: number; seed: number;
-}
+/** Settings of the form by their names; a size is what the time depends on. */
+type Settings = import("../../src/frida_painter_studio/static/estimate.js").Size & Record<string, any>;
+/** What a person asks for: goals, the sides of the canvas in mm, and settings. */
+type Wish = Settings & { title: string; terms: Term[]; initial: Term[]; width: number; height: number };
+/** A choice: what it sets, and the name of its picture. */
+interface Choice { label: string; title: string; picture: string | null; sets: Record<string, any> }
+/** A control of the form: "first", "more" or the kind of goal that it stands beside; values of a slider with their words. */
+interface Control {
+  name: string; label: string; kind: "slider" | "choices" | "number" | "brushes" | "canvas" | "families" | "goals" | "ground"; help: string;
+  level: string; group: string; range: { ge: number; le: number }; steps: [number | null, string][]; options: Choice[];
+} // form.py
 interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }
 interface Made { prefix: string; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; mixing?: Record<string, string>; seconds: number }
@@ -36,7 +43,7 @@ interface ImaginingState { version: number; working: boolean; words: string; mak
 interface House {
   notice(sentence: string, label?: string, work?: () => void): void;
   attempt<T>(work: () => Promise<T>): Promise<T | undefined>;
-  connected(there: boolean): void;
+  connected(there: boolean, sentence?: string): void;
   active(working: boolean): void;
   refresh(): Promise<void>;
   entered(element: HTMLElement): void;
@@ -44,15 +51,15 @@ interface House {
   readonly abilities: Record<string, Ability>;
   readonly role: "watch" | "plan" | "operate";
   readonly simulated: boolean;
+  /** True if a machine could hurt somebody. */
+  readonly dangerous: boolean;
   readonly robot: string;
   readonly camera: boolean;
   /** False if no camera looks at the canvas, so that every picture of it shows what is expected. */
   readonly watched: boolean;
   readonly canvas: [number, number] | null;
-  /** Names of the brushes, those of other packages too. */
-  readonly brushes: string[];
-  /** Names of the stroke families that can be painted with. */
-  readonly families: string[];
+  /** What the form asks for, and what is usual. */
+  readonly form: { usual: Settings; controls: Control[] };
   /** Labels of the picture makers that whoever opened the studio allowed. */
   readonly makers: string[];
   /** Names of the ways in which the robot can answer a person's turn. */

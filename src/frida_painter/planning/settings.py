@@ -30,6 +30,7 @@ from frida_painter.planning.fields import (
     limits_of,
     rgb,
 )
+from frida_painter.planning.form_control import Control
 from frida_painter.storage import count_of
 
 
@@ -42,6 +43,7 @@ def setting(
     of: tuple[str, ...] = (),
     adds: tuple[str, ...] = (),
     common: bool = False,
+    form: Control | None = None,
     **limits: Any,
 ) -> Any:
     """Returns a field of a section; the docstring below it is its help.
@@ -52,10 +54,11 @@ def setting(
     of: groups of parts that it is one of; the help lists them all.
     adds: groups to which other packages may add; the help lists what they add.
     common: True if the short help shows it.
+    form: how a form asks for it. None: no form does.
     limits: as in pydantic's Field.
     """
     more: dict[str, Any] = {"value": value, "usual": usual, "names": names, "of": of, "adds": adds, "common": common}
-    return Field(default, json_schema_extra=more, **limits)
+    return Field(default, json_schema_extra=more | {"form": form}, **limits)
 
 
 def about(field: Any) -> Mapping[str, Any]:
@@ -141,7 +144,13 @@ class CanvasSettings(SettingSection):
 
     panel: ClassVar[str] = "Canvas and paints"
 
-    canvas: Canvas = setting(CanvasSize(14 * 0.0254, 11 * 0.0254), value="SIZE", usual="14x11in", common=True)
+    canvas: Canvas = setting(
+        CanvasSize(14 * 0.0254, 11 * 0.0254),
+        value="SIZE",
+        usual="14x11in",
+        common=True,
+        form=Control("Canvas", widget="canvas"),
+    )
     """Canvas size: width x height in in, cm or mm, like 14x11in or 297x210mm, or a name from A6 to A0, letter, legal
     or tabloid, like A3 or 'A3 landscape'. It is rotated to match the picture."""
     fit: Literal["canvas", "crop", "pad"] = setting("canvas")
@@ -153,14 +162,21 @@ class CanvasSettings(SettingSection):
         value="auto|white|#RRGGBB",
         usual="white; in the studio, auto for a picture of 100 strokes or more, and for words alone and styles the "
         "commonest colour around the things",
+        form=Control("Canvas at the start", widget="ground"),
     )
     """Colour of the ground. A person tones the bare canvas with it before the painting begins; the recipe is told, and
     the camera looks before anything is planned. auto takes the colour that suits the picture."""
-    colors: int = setting(12, common=True, ge=1, le=24)
+    colors: int = setting(12, common=True, form=Control("Paints to mix", range(1, 25)), ge=1, le=24)
     """Number of paints to mix."""
     new_paints: bool | None = setting(None, usual="new paints")
     """Mix new paints for each layer, --colors of them, or keep those of the first. With --palette they are kept."""
-    paints: PaintsInUse = setting("acrylics", value="acrylics|any|FILE", min_length=1)
+    paints: PaintsInUse = setting(
+        "acrylics", value="acrylics|any|FILE", min_length=1,
+        form=Control("Colours", options={
+            "acrylics": ("that acrylics mix", "A colour that six common acrylics cannot give becomes the nearest one"),
+            "any": ("any", "For pens, screens and paints that are not mixed"),
+        }),
+    )  # fmt: skip
     """The paints that you mix from. acrylics: six common ones; FILE: your own, as for mix --paints. A colour that
     they cannot give becomes the nearest one that they can, and colours with one recipe become one. any: every
     colour, for pens, screens and paints that are not mixed. A --palette is never changed."""
@@ -176,9 +192,12 @@ class CanvasSettings(SettingSection):
 class PlanSettings(SettingSection):
     """The strokes, and how they are planned."""
 
-    panel: ClassVar[str] = "Strokes"
+    panel: ClassVar[str] = "Strokes and brushes"
 
-    strokes: int = setting(300, common=True, ge=1, le=20_000)
+    strokes: int = setting(
+        300, common=True, ge=1, le=20_000,
+        form=Control("Strokes", (15, 30, 50, 80, 120, 160, 200, 250, 300, 400, 500, 650, 800, 1000)),
+    )  # fmt: skip
     """Number of brush strokes. Exactly this number is painted, unless --minutes has fewer."""
     brushes: Brushes = setting(
         None,
@@ -188,13 +207,15 @@ class PlanSettings(SettingSection):
         names=("--brushes", "--brush"),
         adds=(registry.STROKE_MODELS,),
         common=True,
+        form=Control("Brush", widget="brushes"),
         min_length=1,
     )
     """The brush: fine, medium or broad, or a file of stroke model weights that you trained. Several paint a layer
     each, like broad,medium, with shares of the strokes like broad:60%,medium:40%."""
     strokes_of: Families = setting(
-        None, value="FAMILY,...", usual="strokes of the brushes alone", adds=(registry.STROKE_FAMILIES,), min_length=1
-    )
+        None, value="FAMILY,...", usual="strokes of the brushes alone", adds=(registry.STROKE_FAMILIES,), min_length=1,
+        form=Control("Shape of the marks", widget="families"),
+    )  # fmt: skip
     """Families of strokes that a person taught, each in a layer of the last brush: comma, zigzag, flourish, or a
     file that teach wrote. With shares of the strokes like comma:20%,flourish:30%; without them families get 40%
     together."""
@@ -207,15 +228,21 @@ class PlanSettings(SettingSection):
     )
     """Number of layers of strokes. Each is painted from light to dark on the dry paint of the one before, and
     planned for the canvas as it is then. The first has most of the strokes."""
-    focus: Focus = setting("faces")
+    focus: Focus = setting(
+        "faces",
+        form=Control("Most careful with", options={
+            "faces": ("faces", "Faces matter most in a picture, if there are any"),
+            "none": ("all alike", "Every place of a picture is worth the same"),
+        }),
+    )  # fmt: skip
     """Part of a picture that matters most. faces: faces, if there are any; none: every place is worth the same."""
     render_height: int = setting(256, ge=64, le=2048)
     """Height of the planning image in pixels. Higher is finer and slower."""
-    effort: float = setting(1.0, ge=0.05, le=20)
+    effort: float = setting(1.0, form=Control(), ge=0.05, le=20)
     """Planning effort. 2 plans twice as long, 0.5 half as long; a CLIP looks more, or less."""
     planner: str = setting("layers", value="NAME", adds=(registry.PLANNERS,), min_length=1)
     """Way to make the plan. Your own packages can add planners."""
-    seed: int = setting(0, common=True, ge=0, le=2**31 - 1)
+    seed: int = setting(0, common=True, form=Control("Seed"), ge=0, le=2**31 - 1)
     """Random seed. The same seed gives the same painting, another seed a different one."""
 
 

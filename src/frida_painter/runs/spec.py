@@ -21,6 +21,7 @@ from frida_painter.objectives import USUAL_FREEDOM
 from frida_painter.objectives.word_settings import USUAL, Beginning, WordSettings
 from frida_painter.palette_file import is_palette_file, read_colors
 from frida_painter.planning.fields import AUTO, NAMED_PAINTS, OF_SCENE, File, parse_field, rgb
+from frida_painter.planning.form_control import TENTHS, Control
 from frida_painter.planning.settings import (
     FEWEST_FOR_LAYERS,
     CanvasSettings,
@@ -80,7 +81,7 @@ class GoalSettings(SettingSection):
 
     goal: Items = setting(())
     """Goals: a list of things to paint, each with its kind and weight."""
-    initial: InitialItems = setting(())
+    initial: InitialItems = setting((), form=Control("Start from another picture or text", widget="goals"))
     """Things to begin with, in the same form: image, text or style."""
     clip: str | None = setting(
         None, value="NAME|FOLDER", usual="clip-vit-b-32 if it was downloaded, else smaller networks", min_length=1
@@ -94,7 +95,10 @@ class GoalSettings(SettingSection):
     by a CLIP; nothing: none. auto: what a CLIP likes best of the two, or a scene."""
     avoid: str = setting(USUAL.avoid, value="WORDS", usual="no words", max_length=200)
     """Words that a painting of words should not look like."""
-    freedom: float = setting(USUAL_FREEDOM, ge=0, le=1)
+    freedom: float = setting(
+        USUAL_FREEDOM, ge=0, le=1,
+        form=Control("Freedom of colours", TENTHS, {0: "faithful", 0.4: "bold", 0.7: "wild"}, beside="semantic"),
+    )  # fmt: skip
     """Freedom of the colours of a painting by content (--semantic) from those of the picture: 0 is faithful, 1 is
     wild."""
 
@@ -119,7 +123,7 @@ class MachineSettings(SettingSection):
     pace: float = setting(0.0, ge=0, le=100)
     """Seconds that a second of the virtual robot takes. 1 is real time, 0.1 ten times as fast, 0 as fast as
     possible."""
-    on_canvas: bool = setting(False)
+    on_canvas: bool = setting(False, form=Control())
     """Begin on the canvas as it is: a toned ground, an old painting, or what you have painted. The light is known
     from the canvas calibration, which saw a bare canvas."""
     studio_canvas: File = setting(None, value="FILE", usual="a bare canvas")
@@ -133,13 +137,25 @@ class PaintingSettings(SettingSection):
 
     title: str = setting("", max_length=80)
     """Title of the painting on its page."""
-    together: bool = setting(False)
+    together: bool = setting(False, form=Control())
     """Paint without a goal: you begin, and the robot answers each of your turns in the spirit of your strokes, with
     at most --strokes in all."""
-    minutes: float | None = setting(None, usual="as many as it takes", common=True, ge=1, le=10_000)
+    minutes: float | None = setting(
+        None, usual="as many as it takes", common=True, ge=1, le=10_000,
+        form=Control(
+            "Robot's time", (None, 10, 15, 20, 30, 45, 60, 90, 120, 180, 240),
+            {None: "as long as it takes", 0: "at most {:g} minutes"}, needs="robot",
+        ),
+    )  # fmt: skip
     """Minutes that the robot may take, with dips, looks, film and drying. The strokes that would be missed least are
     left out until the painting fits."""
-    replans: int = setting(4, ge=0)
+    replans: int = setting(
+        4, ge=0,
+        form=Control(
+            "Replans", range(13), {0: "none", 1: "once it looks and replans", 2: "{:g} times it looks and replans"},
+            needs="camera",
+        ),
+    )  # fmt: skip
     """Number of looks at the canvas, each with a replan of the rest: after the first ten strokes, which tell where the
     robot paints, then evenly spaced, and where a layer begins."""
     replan_policy: Policy = setting(
@@ -148,7 +164,10 @@ class PaintingSettings(SettingSection):
     """Rule for replans, instead of --replans. every:75 replans after every 75 strokes. when-off-by:0.02 looks after
     every 10 strokes and replans only if the canvas differs more than that from the expected one. when-it-pays looks
     as often as replanning improves the plan by 0.05 dB. Your own packages can add policies."""
-    drying: float = setting(20.0, value="MINUTES", ge=0, le=1440)
+    drying: float = setting(
+        20.0, value="MINUTES", ge=0, le=1440,
+        form=Control("Drying", range(5, 61), {0: "{:g} minutes between two layers"}, needs="real paint"),
+    )  # fmt: skip
     """Minutes that a layer dries before the next one is painted on it. Thin acrylic paint needs 10 to 30; 0 is for
     colours that dry at once, such as pens. The virtual studio does not wait, unless --pace says so."""
     film: bool = setting(True)

@@ -2,20 +2,18 @@
 
 import * as api from "./api.js";
 import { shape } from "./canvasview.js";
-import { choices, count, duration, h, kept, mainAction, reveal, show, slider } from "./dom.js";
+import { count, duration, h, kept, mainAction, reveal, show, slider } from "./dom.js";
 import { asPainted, toPaint, toPlan } from "./estimate.js";
 import { KINDS, learnKinds, nearestWeight, termPicture, weights } from "./goal.js";
 import { pictureMaking } from "./imagining.js";
 import { pad } from "./pad.js";
 import { goalPreview } from "./preview.js";
-import { brushes, brushesInWords, FOCUS, group, grounds, MINUTES, nearestStrokes, PRESETS, SIZES, STROKES } from "./settings.js";
+import { brushesInWords, group, SIZES, settingControl } from "./settings.js";
 
 const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "the content of a picture" }; // what may need a network first
 const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
-/** @returns {Wish} */
-export const fresh = () => ({
-  title: "", terms: [], initial: [], together: false, strokes: 300, colors: 12, width: 355.6, height: 279.4, brushes: "", strokes_of: "", replans: 4, ground: null, on_canvas: false, focus: "faces", paints: "acrylics", drying: 20, minutes: null, effort: 1, seed: 0,
-});
+/** A wish of a person who has changed nothing yet. @param {House} house @returns {Wish} */
+export const fresh = (house) => ({ title: "", terms: [], initial: [], width: SIZES[0][1], height: SIZES[0][2], ...house.form.usual });
 
 /**
  * The form for a wish; `wish` is changed as the person goes, `changed` is called after that. `ondraw` opens a drawing pad and
@@ -151,53 +149,31 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         term.made ? h("small", {}, term.made) : null,
         terms !== wish.terms ? null : slider({ label: "Weight", min: 0, max: weights.length - 1, value: nearestWeight(term.weight), words: (index) => weights[index][1],
           oninput: (index) => { term.weight = weights[index][0]; changed(); } }),
-        term.kind !== "semantic" || terms !== wish.terms ? null : slider({ label: "Freedom of colours", min: 0, max: 10, value: Math.round(10 * (wish.freedom ?? 0.5)),
-          words: (tenths) => (tenths < 4 ? "faithful" : tenths < 7 ? "bold" : "wild"), oninput: (tenths) => { wish.freedom = tenths / 10; changed(); } })),
+        terms !== wish.terms ? null : house.form.controls.filter(({ level }) => level === term.kind).map((control) => settingControl(control, wish, changed))),
       h("button", { type: "button", class: "quiet remove", "aria-label": `Remove: ${KINDS[term.kind].label}`, title: "Remove",
         onclick: () => { terms.splice(terms.indexOf(term), 1); draw(); changed(); } }, "×"),
       making && term.kind === "text" ? making.place(term) : null);
   }
 
+  const own = { canvas: canvasField, goals: startField }; // controls that are more than a setting
+
   function drawHow() {
-    const same = (preset) => ["strokes", "colors", "replans", "effort"].every((name) => preset[name] === wish[name]);
-    const set = (name) => (value) => { wish[name] = value; tellTime(); changed(); };
+    const shown = (level, done) => house.form.controls.filter((control) => control.level === level).map((control) => ({ heading: control.group, element: (own[control.kind] ?? settingControl)(control, wish, done) }));
+    const rest = shown("more", () => { tellTime(); changed(); });
     tellTime();
-    show(how,
-      choices({ legend: "Detail", name: "preset", value: PRESETS.findIndex(same),
-        options: PRESETS.map((preset, index) => ({ value: index, label: preset.label, picture: preset.picture })),
-        onchange: (index) => { const { label, picture, ...values } = PRESETS[index]; Object.assign(wish, values); drawHow(); changed(); } }),
-      h("details", { open: more, ontoggle: (event) => { more = event.target.open; } },
-        h("summary", {}, "More settings"),
-        group("Brush and paints",
-          slider({ label: "Strokes", min: 0, max: STROKES.length - 1, value: nearestStrokes(wish.strokes), words: (index) => String(STROKES[index]), oninput: (index) => set("strokes")(STROKES[index]) }),
-          slider({ label: "Paints to mix", min: 1, max: 24, value: wish.colors, oninput: set("colors") }),
-          choices({ legend: "Colours", name: "paints", value: wish.paints ?? "acrylics", options: [
-            { value: "acrylics", label: "that acrylics mix", title: "Colours that six common acrylics cannot give become the nearest ones that they can" },
-            { value: "any", label: "any", title: "For pens, screens and paints that are not mixed" }], onchange: set("paints") }),
-          choices({ legend: "Brush", name: "brushes", value: wish.brushes, options: brushes(house), onchange: set("brushes") }),
-          h("label", { class: "field" }, h("span", {}, "Shape of the marks"), h("span", { class: "pair" },
-            h("select", { onchange: (event) => set("strokes_of")(event.target.value) }, strokeKinds().map(([value, label]) => h("option", { value, selected: value === (wish.strokes_of ?? "") }, label))),
-            h("a", { href: "#/teach", "data-for": "operate" }, "Teach a stroke")))),
-        group("Care",
-          choices({ legend: "Most careful with", name: "focus", value: wish.focus ?? "faces", options: FOCUS, onchange: set("focus") }),
-          !house.watched ? null : slider({ label: "Replans", min: 0, max: 12, value: wish.replans, words: (looks) => (looks ? `${looks} times it looks at the canvas and replans` : "none"), oninput: set("replans") })),
-        group("Canvas and beginning",
-          h("label", { class: "field" }, h("span", {}, "Canvas"), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice()),
-          choices({ legend: "Canvas at the start", name: "ground", value: wish.on_canvas ? "as it is" : wish.ground ?? (house.simulated ? "usual" : "white"), options: grounds(house),
-            onchange: (value) => { wish.on_canvas = value === "as it is"; wish.ground = value === "usual" ? null : value === "auto" ? "auto" : "white"; changed(); } }),
-          h("div", { class: "field" }, h("span", {}, "Start from another picture or text"), first,
-            h("div", { class: "adders", role: "group", "aria-label": "Start from" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label))))),
-        group("Time and chance",
-          house.simulated ? null : slider({ label: "Drying", min: 5, max: 60, value: wish.drying ?? 20, words: (minutes) => `${minutes} minutes between two layers`, oninput: set("drying") }),
-          house.robot === "human" ? null : slider({ label: "Robot's time", min: 0, max: MINUTES.length - 1, value: Math.max(0, MINUTES.indexOf(wish.minutes ?? null)),
-            words: (index) => (MINUTES[index] ? `at most ${MINUTES[index]} minutes` : "as long as it takes"), oninput: (index) => set("minutes")(MINUTES[index]) }),
-          h("label", { class: "field" }, h("span", {}, "Seed"), h("span", { class: "pair" },
-            h("input", { type: "number", min: 0, max: 2147483647, step: 1, value: wish.seed, onchange: (event) => { wish.seed = Math.max(0, Math.min(2147483647, Math.trunc(Number(event.target.value)) || 0)); event.target.value = wish.seed; changed(); } }),
-            h("small", {}, "The same seed gives the same painting. Another seed gives a different one."))))));
+    show(how, shown("first", () => { drawHow(); changed(); }).map(({ element }) => element),
+      h("details", { open: more, ontoggle: (event) => { more = event.target.open; } }, h("summary", {}, "More settings"),
+        [...new Set(rest.map(({ heading }) => heading))].map((legend) => group(legend, rest.filter(({ heading }) => heading === legend).map(({ element }) => element)))));
   }
 
-  /** Kinds of strokes beside the brush's own: taught families, by name. @returns {[string, string][]} */
-  const strokeKinds = () => [["", "the brush's own"], ...house.families.map((/** @type {string} */ name) => /** @type {[string, string]} */ ([name, `with 40 % of the stroke "${name}"`]))];
+  function canvasField({ label }) {
+    return h("label", { class: "field" }, h("span", {}, label), house.canvas ? h("span", {}, `${Math.round(wish.width)} × ${Math.round(wish.height)} mm, from the workspace file of the robot`) : canvasChoice());
+  }
+
+  function startField({ label }) {
+    return h("div", { class: "field" }, h("span", {}, label), first,
+      h("div", { class: "adders", role: "group", "aria-label": "Start from" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label))));
+  }
 
   /** How long it will take, from how long the last paintings took here; nothing is promised before one was measured. */
   function tellTime() {
@@ -233,9 +209,9 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
       wish.terms.splice(0);
       wish.initial.splice(0);
       wish.minutes = null;
-      wish.strokes_of = "";
+      wish.strokes_of = null;
       if (wish.ground === "auto") wish.ground = null;
-      if (wish.brushes.includes(",")) wish.brushes = "";
+      if (wish.brushes?.includes(",")) wish.brushes = null;
     }
     how.hidden = on;
     tellTime();
@@ -291,12 +267,12 @@ export const keepDraft = (wish) => kept.set(DRAFT, wish);
 export const draftIsBegun = () => kept.get(DRAFT) !== null;
 
 /** The goal that was left unfinished, without pictures that are gone; null where there is none. */
-async function draft() {
+async function draft(house) {
   const left = kept.get(DRAFT);
   if (!left?.terms) return null;
   const here = async (term) => !term.picture || (await fetch(api.picture(term.picture)).catch(() => ({ ok: false }))).ok;
   const still = async (terms) => { const known = await Promise.all(terms.map(here)); return terms.filter((_, index) => known[index]); };
-  return { ...fresh(), ...left, terms: await still(left.terms), initial: await still(left.initial ?? []) };
+  return { ...fresh(house), ...left, terms: await still(left.terms), initial: await still(left.initial ?? []) };
 }
 
 /** The first view of a new painting. */
@@ -305,9 +281,9 @@ export function composer(house) {
   const element = h("section", { class: "workbench" });
   let close = () => {};
   let left = false;
-  Promise.all([draft(), house.refresh()]).then(([wish]) => {
+  Promise.all([draft(house), house.refresh()]).then(([wish]) => {
     if (left) return;
-    const opened = composing(house, wish ?? fresh());
+    const opened = composing(house, wish ?? fresh(house));
     close = opened.close;
     show(element, ...opened.elements);
     house.entered(element);

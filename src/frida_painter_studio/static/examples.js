@@ -24,7 +24,7 @@ async function take(house, example) {
     return { id: await api.upload(picture), shape: await shapeOf(picture) };
   });
   if (!begun) return;
-  const wish = fresh();
+  const wish = fresh(house);
   const height = Math.round((10 * wish.width) / begun.shape) / 10;
   keepDraft({ ...wish, title: example.title, strokes: STROKES, height, terms: [{ kind: "image", picture: begun.id, weight: 1 }] });
   location.hash = "#/new";

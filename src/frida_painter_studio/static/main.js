@@ -22,7 +22,6 @@ const stopButton = part("stop");
 
 const AWAY = "No connection. Trying again.";
 
-let studio = null;
 const lost = { view: "", work: "" }; // sentences of a view that follows a painting, and of the watch over all work
 const work = new WorkWatch((there) => { lost.work = there ? "" : AWAY; tellConnection(); });
 let active = false;
@@ -82,24 +81,13 @@ async function attempt(work) {
   }
 }
 
-const house = {
+/** What views get: what they may ask of the page, and what the studio tells of itself. */
+const house = /** @type {House} */ (/** @type {unknown} */ ({
   notice,
   attempt,
-  get abilities() { return studio.abilities; },
-  get role() { return studio.role; },
-  get simulated() { return studio.simulated; },
-  get robot() { return studio.robot; },
-  get camera() { return studio.camera; },
-  get watched() { return studio.watched; },
-  get canvas() { return studio.canvas; },
-  get brushes() { return studio.brushes; },
-  get families() { return studio.families; },
-  get makers() { return studio.makers; },
-  get turns() { return studio.turns; },
-  get pace() { return studio.pace; },
   connected(there, sentence) { lost.view = there ? "" : sentence || AWAY; tellConnection(); },
   /** Asks again what the studio can do, and how fast it is: both change while the page is open. */
-  async refresh() { studio = await api.get("/api/studio").catch(() => studio); },
+  async refresh() { Object.assign(house, await api.get("/api/studio").catch(() => null)); },
   /** A view, or a step of one, has just been shown. */
   entered(element) {
     element.querySelector(".steps [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" }); // a phone has no room for all
@@ -112,7 +100,7 @@ const house = {
     stopButton.classList.toggle("live", active || work.latest.working.length > 0 || work.latest.queue.length > 0);
   },
   work,
-};
+}));
 
 async function route() {
   leave();
@@ -133,7 +121,7 @@ async function route() {
 }
 
 /** Whether a machine could hurt somebody: the setup moves one at every easel. */
-const dangerous = () => studio?.dangerous !== false || location.hash.startsWith("#/setup") || work.latest.working.includes("setup");
+const dangerous = () => house.dangerous !== false || location.hash.startsWith("#/setup") || work.latest.working.includes("setup");
 
 let moved = true; // whether a robot may have moved since Stop was pressed
 armStop(stopButton, notice, {
@@ -141,7 +129,7 @@ armStop(stopButton, notice, {
   dangerous,
   async harmless() {
     const now = await api.get("/api/work").catch(() => null);
-    if (!studio || !now) return false;
+    if (!document.body.dataset.role || !now) return false;
     moved ||= now.moves;
     return !now.moves && !(dangerous() && moved); // of a machine a person has to say that it stands still
   },
@@ -150,13 +138,13 @@ armStop(stopButton, notice, {
 document.querySelector(".bar nav")?.append(shortcuts());
 
 try {
-  studio = await api.enter();
-  document.body.dataset.role = studio.role; // what a role may not do is not shown to it
-  part("role").textContent = { watch: "You watch", plan: "You plan", operate: "" }[studio.role] ?? "";
+  Object.assign(house, await api.enter());
+  document.body.dataset.role = house.role; // what a role may not do is not shown to it
+  part("role").textContent = { watch: "You watch", plan: "You plan", operate: "" }[house.role] ?? "";
   window.addEventListener("hashchange", route);
   window.addEventListener("pagehide", api.leave);
   const herald = new Herald();
-  work.listen((now) => { if (noticeWhile === "now") clearNotice(); house.active(active); herald.tell(turn(now, studio.simulated)); });
+  work.listen((now) => { if (noticeWhile === "now") clearNotice(); house.active(active); herald.tell(turn(now, house.simulated)); });
   work.start();
   await route();
 } catch (/** @type {any} */ error) {

@@ -9,7 +9,7 @@ import { KINDS, learnKinds, mainTerm, nearestWeight, weights } from "../../../sr
 import { cardFacts, linesOf } from "../../../src/frida_painter_studio/static/keepsake.js";
 import { outcome } from "../../../src/frida_painter_studio/static/looks.js";
 import { placeOf } from "../../../src/frida_painter_studio/static/queue.js";
-import { brushes, brushesInWords, oneBrush } from "../../../src/frida_painter_studio/static/settings.js";
+import { brushesInWords, holds, nearestStep, oneBrush } from "../../../src/frida_painter_studio/static/settings.js";
 import { need, turn } from "../../../src/frida_painter_studio/static/needs.js";
 
 test("durations are said as people say them", () => {
@@ -18,12 +18,19 @@ test("durations are said as people say them", () => {
   assert.deepEqual([0, 1, 2].map((number) => count(number, "stroke", "strokes")), ["0 strokes", "1 stroke", "2 strokes"]);
 });
 
-test("brushes of other packages can be chosen on a real easel, and all are named", () => {
-  const real = /** @type {House} */ ({ simulated: false, brushes: ["broad", "medium", "fine", "mop"] });
-  assert.deepEqual(oneBrush(real).map(({ value }) => value), ["broad", "medium", "fine", "mop"]);
-  assert.ok(brushes(real).some(({ value }) => value === "mop"));
-  assert.ok(!brushes({ ...real, simulated: true }).some(({ value }) => value === "mop"), "the virtual studio has no mop");
-  assert.deepEqual(["", "fine", "mop", "broad,medium"].map(brushesInWords), ["usual brushes", "fine brush", "mop brush", "broad, medium brushes"]);
+test("one brush is chosen of those of the form, and all are named", () => {
+  const options = [{ label: "usual", sets: { brushes: null } }, ...["broad", "mop", "broad, mop"].map((label) => ({ label, sets: { brushes: label.replace(" ", "") } }))];
+  const house = /** @type {House} */ (/** @type {unknown} */ ({ form: { controls: [{ kind: "brushes", options }] } }));
+  assert.deepEqual(oneBrush(house).map(({ value }) => value), ["broad", "mop"]);
+  assert.deepEqual([null, "", "fine", "mop", "broad,medium"].map(brushesInWords), ["usual brushes", "usual brushes", "fine brush", "mop brush", "broad, medium brushes"]);
+});
+
+test("a slider stands at the nearest step, and a choice holds if all that it sets is so", () => {
+  const steps = /** @type {[number | null, string][]} */ ([[null, "as long as it takes"], [10, ""], [30, ""]]);
+  assert.deepEqual([null, 0, 12, 25, 900].map((minutes) => nearestStep(steps, minutes)), [0, 1, 1, 2, 2]);
+  const wish = /** @type {Wish} */ (/** @type {unknown} */ ({ strokes: 80, effort: 0.5, brushes: "", ground: "white" }));
+  for (const sets of [{ strokes: 80, effort: 0.5 }, { brushes: null }, { ground: "white", on_canvas: false }]) assert.ok(holds(wish, sets));
+  for (const sets of [{ strokes: 80, effort: 1 }, { brushes: "fine" }, { ground: "white", on_canvas: true }]) assert.ok(!holds(wish, sets));
 });
 
 test("the sentence about a look says what it was for and does not claim that nothing changed", () => {
