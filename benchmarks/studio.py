@@ -30,7 +30,7 @@ from PIL import Image
 
 from clocks import Benchmark
 from frida_painter import python_process
-from frida_painter.session.events import Failed
+from frida_painter.session.events import Stopped
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable
 from frida_painter_lab.runs import Run
 from frida_painter_studio.studio_folder import Feed, PaintingFolder
@@ -137,7 +137,7 @@ def told_after(crowd: Crowd, folder: PaintingFolder, count: int) -> list[float]:
     feed, delays = Feed(folder), []
     for number in range(count):
         mark, at = f"mark-{number}", time.monotonic()
-        feed.tell(Failed(mark))
+        feed.tell(Stopped(mark))
         time.sleep(0.5)
         delays += [1000 * (heard - at) for heard, what in list(crowd.heard) if what == mark]
     return delays

@@ -18,7 +18,7 @@ def read(journal: Path) -> dict:
         before, event = checksum, json.loads(text)
         kind = event["kind"]
         now["last"] = kind.replace("_", " ")
-        now["of"] = event["strokes"] if kind == "work_expected" else now["of"]
+        now["of"] = event["strokes"] if kind == "scheduled" else now["of"]
         now["done"] = event["done"] if kind in ("stroke_painted", "stroke_left_out") else now["done"]
         if kind in ("looked", "timelapse_frame"):
             shown = event.get("pictures", event)

@@ -38,12 +38,10 @@ from frida_painter.session.events import (
     GoalChanged,
     MotionBegan,
     PaintingBegun,
-    PersonStrokeBegan,
-    PersonStrokePainted,
-    Photographed,
     PlanAdopted,
     RegionProtected,
     StrokeLeftOut,
+    StrokeOfPerson,
     StrokePainted,
     record,
 )  # fmt: skip
@@ -125,12 +123,12 @@ def painting(tmp_path: Path) -> Path:
     touch = dict(known.touch.depths), known.touch.lower, known.touch.information
     events = (
         PaintingBegun(spec.record(), painting_folder.input_hashes(spec, folder)),
-        Photographed("look.png", 0.0, 1, [[0.5] * len(flatfield._PAIRS)] * 3),
+        CanvasPicture("look.png", 0, light=[[0.5] * len(flatfield._PAIRS)] * 3),
         PlanAdopted(plan.digest, 0, "look.png", known.error, known.information, *touch),
         *(MotionBegan(("stroke 1",), 1), StrokePainted(1, 6), MotionBegan(("stroke 2",), 2), StrokeLeftOut(2, 6)),
-        *(CanvasPicture("look.png", 2, seen=True), CanvasPicture("look.png", 2), Drying(2, 60.0, 30.0)),
+        *(CanvasPicture("look.png", 2, "person"), CanvasPicture("look.png", 2, "renderer"), Drying(2, 30.0)),
         *(BrushInHand("fine"), RegionProtected("look.png"), GoalChanged("", {})),
-        *(PersonStrokeBegan(1, 2, {}, (0.0, 0.0, 0.0)), PersonStrokePainted(1, 2)),
+        *(StrokeOfPerson(1, {}, (0.0, 0.0, 0.0), painted) for painted in (False, True)),
     )
     first, *others = (json.loads(json.dumps(record(event))) for event in events)
     EventLog.write(folder / "journal", [{"format": FORMAT, "version": VERSION, **first}, *others])

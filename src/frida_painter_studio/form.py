@@ -4,12 +4,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from frida_painter.runs.fields import AUTO, FAMILY_SHARE, limits_of
-
 from frida_painter.easel.kinds import HUMAN
+from frida_painter.planning.fields import AUTO, FAMILY_SHARE, limits_of
 from frida_painter.planning.form_control import Control
+from frida_painter.planning.settings import about, help_of, usual_of
 from frida_painter.registry import STROKE_MODELS, parts
-from frida_painter.runs.spec import OF_PAINTINGS, RunSpec, about, help_of, usual_of
+from frida_painter.runs.spec import OF_PAINTINGS, RunSpec
 from frida_painter_studio.web_app_easel import WebAppEasel
 
 _PRESETS: Mapping[str, Mapping[str, float]] = {

@@ -149,16 +149,12 @@ class JobState(ABC):
                 self.progress = words
             case events.Asked(question):
                 self.question = question
-            case events.Answered():
-                self.question = None
-            case events.Failed(reason):
-                self.trouble = reason
-            case events.Stopped():
-                self.stopped = True
+            case events.Stopped(reason):
+                self.trouble, self.stopped = reason or self.trouble, self.stopped or not reason
             case events.Began(what) if what == self.name:
                 self.progress, self.trouble, self.stopped, self.ended, self.question = "", "", False, False, None
         found = isinstance(event, events.ResultFound) and event.what in self.ends
-        if found or isinstance(event, events.Failed | events.Stopped | events.PicturesMade):
+        if found or isinstance(event, events.Stopped | events.PicturesMade):
             self.ended, self.question = True, None
         self._hear(event)
 
@@ -230,10 +226,9 @@ class CalibrationJob(JobState):
                 self.easel, each.old = stands.get("easel", ""), stands.get("old", False)
             case events.ResultFound("procedure", detail=found):
                 each.sentence, each.picture, each.status = found.get("sentence", ""), found.get("picture"), "done"
-            case events.Failed() | events.Stopped():
-                how = "failed" if isinstance(event, events.Failed) else "stopped"
+            case events.Stopped():
                 for known in self.procedures.values():
-                    known.status = {"busy": how, "waiting": ""}.get(known.status, known.status)
+                    known.status = {"busy": event.how, "waiting": ""}.get(known.status, known.status)
         self.ended = not any(known.status in ("waiting", "busy") for known in self.procedures.values())
 
     def _details(self, working: bool) -> dict[str, Any]:

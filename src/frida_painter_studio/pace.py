@@ -16,8 +16,8 @@ _OPENING = 15.0  # seconds before the first stroke
 _FEWEST = 10  # fewest strokes for a measurement
 _REPLANNING = 0.25  # time of a replan per stroke, as a share of the planning time per stroke
 _BREAKS = (
-    events.SessionResumed, events.Paused, events.WentOn, events.Stopped, events.Failed, events.PaintsWanted,
-    events.Looked, events.Planned, events.Finishing,
+    events.SessionResumed, events.Paused, events.WentOn, events.Stopped, events.PaintsWanted,
+    events.Looked, events.Planned, events.Began,
 )  # fmt: skip
 
 

@@ -96,7 +96,7 @@ class Asker:
             if (now := self._followed()) not in (followed, None):
                 followed, since = now, time.monotonic()
             elif self.may_leave and time.monotonic() - since > MAX_ABSENCE:
-                self.feed.tell(events.Answered())
+                self.feed.tell(events.Asked(None))
                 raise Interrupted(
                     f"No page was open for {MAX_ABSENCE / 60:.0f} minutes; what was done before is kept, and the "
                     "machine is free."
@@ -104,7 +104,7 @@ class Asker:
             for message in inbox.listen():
                 answer = accept_reply(message.reply, number, asked)
                 if answer is not None:
-                    self.feed.tell(events.Answered())
+                    self.feed.tell(events.Asked(None))
                     return answer
             time.sleep(_BETWEEN_GLANCES)
 
@@ -340,7 +340,7 @@ class PauseController:
         if found is not None:
             shown = self.folder.make_live_path("found", ".jpg")
             images.save(found.outlined, shown)
-            self.report(events.PersonPaintShown(shown.name, round(found.share, 5)))
+            self.report(events.ResultFound("found", shown.name))
 
     def _welcome_or_protect(self, session: PaintingSession, found: FoundPaint) -> None:
         """Asks what becomes of found paint if it matters, and replans the rest for the canvas with it."""

@@ -18,13 +18,12 @@ from frida_painter.session.events import Event
 from frida_painter.session.fold import ENDS, Doing, LookState, PaintingState
 from frida_painter_studio.form import SETTINGS
 from frida_painter_studio.pace import WorkTimes
-from frida_painter_studio.studio_folder import PaintingFolder, working
+from frida_painter_studio.studio_folder import PaintingFolder, QueuedJob, working
 
 _VANISHED = "The {}'s process ended in the middle of its work, without saying why."
 _LITTLE_ROOM = 64 * 2**20  # bytes
 _MAX_LOOKS = 200
-_MADE = ("prefix", "frames", "strokes", "palette", "mixtures", "mixing", "remarks", "seconds")
-_REPLANNED = ("prefix", "frames", "strokes", "palette")
+_PAINTING = ("of", "photograph", "growing", "brush", "paint", "dips", "since_dip")  # as PaintingState tells them
 
 
 @dataclass(frozen=True)
@@ -35,16 +34,21 @@ class Truth:
     here: True if the painting's folder exists, with its events.
     begun: True if the studio can resume the painting from its journal.
     room: True if the disk has room.
+    queued: job for which the painting waits in the studio's queue, None if it does not wait.
     """
 
     working: bool
     here: bool = True
     begun: bool = True
     room: bool = True
+    queued: QueuedJob | None = None
 
     @classmethod
-    def of(cls, folder: PaintingFolder) -> Self:
-        """Returns the facts about a painting, or about the calibration."""
+    def of(cls, folder: PaintingFolder, queued: QueuedJob | None) -> Self:
+        """Returns the facts about a painting, or about the calibration.
+
+        queued: as in `Truth`, found before: a job that leaves the queue has the lock of its worker by then.
+        """
         try:
             room = shutil.disk_usage(folder.path.parent).free >= _LITTLE_ROOM
         except OSError:
@@ -52,7 +56,7 @@ class Truth:
         # A painter may write a last picture after its folder was deleted, but no feed.
         there = folder.feed.is_file() or folder.is_of_terminal or not folder.painting.exists()
         begun = not folder.is_of_terminal and (folder.painting / JOURNAL).is_file()
-        return cls(working(folder), folder.path.is_dir() and there, begun, room)
+        return cls(working(folder), folder.path.is_dir() and there, begun, room, queued)
 
     @property
     def suspicion(self) -> str:
@@ -108,7 +112,6 @@ class PlanState:
     left: float | None = None
     said: str = ""
     growing: str | None = None
-    nearer: float = 0.0
     made: dict[str, Any] | None = None
 
 
@@ -118,13 +121,12 @@ class PaintingPage:
 
     plans: by number.
     job: the last job that a person or the queue began here: "plan", "paint", "resume", or "" before any.
-    plan, of: plan that is painted, and its number of strokes.
+    plan: number of the plan that is painted.
     sittings: number of sittings before the job, so that it has begun if the painting has more of them.
 
     said: progress of the job in words.
     ended: "stopped" or "failed" if the job ended so.
     trouble: sentence about its last error, until another job begins.
-    queued: "plan" or "paint" if this job waits in the studio's queue, else "".
     question: open question, in the form of painter.py.
     painting: state of the painting, from its journal.
     times: what its work took.
@@ -134,12 +136,10 @@ class PaintingPage:
     plans: dict[int, PlanState] = field(default_factory=dict)
     job: str = ""
     plan: int = 0
-    of: int = 0
     sittings: int = 0
     said: str = ""
     ended: Literal["", "stopped", "failed"] = ""
     trouble: str = ""
-    queued: str = ""
     question: dict[str, Any] | None = None
     painting: PaintingState = field(default_factory=PaintingState)
     times: WorkTimes = field(default_factory=WorkTimes)
@@ -163,32 +163,19 @@ class PaintingPage:
                 self.plans[number] = PlanState(number, detail)
             case events.Began("paint" | "resume" as job, plan=number, detail=detail):
                 self._begin(job)
-                of, sittings = (detail.get(name) for name in ("of", "sittings"))
-                self.plan, self.of = number, of if isinstance(of, int) else 0
+                self.plan, sittings = number, detail.get("sittings")
                 self.sittings = sittings if isinstance(sittings, int) else 0
             case events.Advanced():
                 self._hear_progress(event)
             case events.ResultFound("plan", plan=number, detail=detail) if number in self.plans:
                 plan = self.plans[number]
-                nearer = detail.get("nearer")
                 plan.status, plan.share, plan.left = "ready", 1.0, None
-                plan.nearer = nearer if isinstance(nearer, float | int) else 0.0
-                plan.made = {name: detail.get(name) for name in _MADE}
-            case events.Queued(number, job):
-                self.queued = job if job in ("plan", "paint") else ""
-                if number in self.plans and (job == "plan" or self.plans[number].status == "waiting"):
-                    found = {"plan": "waiting", "begun": "planning", "removed": "stopped"}
-                    self.plans[number].status = found.get(job, self.plans[number].status)
+                plan.made = detail
             case events.Asked(question):
                 self.question = question
-            case events.Answered():
-                self.question = None
-            case events.Failed(reason):
-                self.ended, self.trouble = "failed", reason
-                self._end_plans("failed")
-            case events.Stopped():
-                self.ended = "stopped"
-                self._end_plans("stopped")
+            case events.Stopped(reason):
+                self.ended, self.trouble = event.how, reason or self.trouble
+                self._end_plans(event.how)
             case _:
                 pass
 
@@ -201,10 +188,9 @@ class PaintingPage:
             self.times.hear(event, at)
 
     def _hear_progress(self, progress: events.Advanced) -> None:
-        planning = [plan for plan in self.plans.values() if plan.status == "planning"]
         if self.job != "plan":
             self.said = progress.words or self.said
-        for plan in planning:
+        for plan in (plan for plan in self.plans.values() if plan.status == "planning"):
             plan.growing = progress.picture or plan.growing
             if progress.words:
                 plan.said = progress.words
@@ -247,8 +233,8 @@ class PaintingPage:
         doing = self._find_doing(truth)
         if doing is not None:
             return "replanning" if doing == "planning" else cast(Stage, doing)
-        if self.queued:
-            return "waiting" if self.queued == "plan" else "queued"
+        if truth.queued:
+            return "waiting" if truth.queued == "plan" else "queued"
         found = self._plan_statuses(truth)
         if found[-1:] == ["planning"]:
             return "planning"
@@ -280,9 +266,9 @@ class PaintingPage:
 
     def _plan_status(self, plan: PlanState, truth: Truth) -> str:
         """Returns the status of a plan; a planner that ended without a word has failed."""
-        if plan.status != "planning" or truth.working:
+        if plan.status != "planning":
             return plan.status
-        return self.ended or "failed"
+        return "waiting" if truth.queued == "plan" else "planning" if truth.working else self.ended or "failed"
 
     def to_plain(self, truth: Truth) -> dict[str, Any]:
         """Returns the state with its status as plain values."""
@@ -294,7 +280,6 @@ class PaintingPage:
             "version": self.version,
             **asdict(self.status(truth)),
             "stopped": self.ended == "stopped" or (self.job != "plan" and self.painting.stopped),
-            "queued": self.queued,
             "question": self.question if truth.working else None,
             "plans": plans,
             "painting": None if doing is None else self._describe_painting(doing),
@@ -311,33 +296,22 @@ class PaintingPage:
 
     def _describe_painting(self, doing: Doing) -> dict[str, Any]:
         """Returns the painting in the form of `PaintState` in tools/page/state.d.ts."""
-        state, pause = self.painting, self.painting.pause
+        state, pause, results = self.painting, self.painting.pause, self.painting.results
         left = None if doing in ("preparing", "failed") or not state.plannings else round(state.time.remaining, 1)
-        drying, made = state.drying, state.replanned
-        results = state.results
-        person = state.may_paint
+        drying, made, person = state.drying, state.replanned, state.may_paint
         return {
+            **{name: getattr(state, name) for name in _PAINTING},
             "plan": self.plan,
-            "of": state.of or self.of,
             "status": doing,
             "done": state.painted,
             "left": left if results is None else 0.0,
             "said": self.said,
             "dries": 0.0 if drying is None else drying[0].left * state.pace,
-            "share": state.share,
-            "photograph": state.photograph,
-            "growing": state.growing,
-            "brush": state.brush,
-            "paint": state.paint,
-            "dips": dict(state.dips_of),
-            "since_dip": state.since_dip,
             "reason": "" if pause is None else self._without_path(pause.reason),
             "cause": None if pause is None else pause.cause,
             "held": state.paused,
             "looks": [_describe_look(look) for look in state.looks[-_MAX_LOOKS:] if look.told.pictures],
-            "replanned": None
-            if made is None
-            else {name: made.shown.get(name) for name in _REPLANNED} | {"done": made.done},
+            "replanned": None if made is None else {**made.shown, "done": made.done},
             "turns": state.turns.strokes,
             "game": {name: getattr(state.turns, name) for name in ("minutes", "policy", "keep")},
             "region": {"picture": state.region.picture, "only": state.region.only} if state.region else None,

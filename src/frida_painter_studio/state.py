@@ -16,7 +16,7 @@ from frida_painter.easel.kinds import JOURNAL
 from frida_painter_studio.commands import Role
 from frida_painter_studio.jobs import JobState
 from frida_painter_studio.painting_state import PaintingPage, Truth
-from frida_painter_studio.studio_folder import FeedReader, PaintingFolder
+from frida_painter_studio.studio_folder import FeedReader, PaintingFolder, QueuedJob
 
 # Cache of states, so that a feed is not read again for each request.
 
@@ -29,9 +29,13 @@ Seen = TypeVar("Seen")
 
 
 class FeedStates:
-    """States of paintings and jobs; each one is computed from its files once, then updated."""
+    """States of paintings and jobs; each one is computed from its files once, then updated.
 
-    def __init__(self) -> None:
+    waits: returns the job for which a painting waits in the studio's queue.
+    """
+
+    def __init__(self, waits: Callable[[PaintingFolder], QueuedJob | None]) -> None:
+        self._waits = waits
         self._kept: OrderedDict[str, tuple[Callable[[], int], Any, Lock]] = OrderedDict()
         self._turn = Lock()
 
@@ -59,7 +63,7 @@ class FeedStates:
             # A worker takes its lock before its first event, and releases it after the last one. So state and truth
             # agree if no event came while the truth was found.
             for _ in range(_MAX_READS):
-                truth = Truth.of(folder)
+                truth = Truth.of(folder, self._waits(folder))
                 if not follow():
                     break
             return look(state, truth)

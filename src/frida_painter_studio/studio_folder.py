@@ -238,6 +238,8 @@ _LOCKS = ".workers"
 _LONGEST_JOB = 20
 PLAN_JOB = "plan"
 """Job of a worker that plans: no robot moves."""
+QueuedJob = Literal["plan", "paint"]
+"""Job that waits in the studio's queue."""
 
 
 @dataclass(frozen=True)

@@ -64,11 +64,11 @@ class Studio:
         self.makers: Final = makers or AllowedMakers()
         self.lead: Final = Lead()
         self.streams: Final = StateStreams()
-        self.feeds: Final = FeedStates()
         self.stops: Final = Stops(store.root)
         self.uploads: Final = Uploads(store.pictures)
         self.workers: Final = Workers(easel)
         self.queue: Final = PaintingQueue(store, self.workers)
+        self.feeds: Final = FeedStates(self.queue.find_job)
 
     # State of the studio.
 
@@ -281,17 +281,14 @@ class Studio:
             raise Interrupted("The painter is at work on this painting already.")
         if not status.resumable:
             raise Interrupted("There is nothing to go on with: no stroke was painted yet.")
-        plan, of, sittings = self.feeds.view(
-            folder, PaintingPage, lambda state, truth: (state.plan, state.of, state.painting.runs)
-        )
+        plan, sittings = self.feeds.view(folder, PaintingPage, lambda state, truth: (state.plan, state.painting.runs))
         studio_folder.require_disk(folder.path, _ROOM_TO_RESUME)
         with self.workers.slot_at(folder) as slot:
             self.presence.allow(self.easel)
             folder.stop.unlink(missing_ok=True)
             folder.robot_stop.unlink(missing_ok=True)
             self.store.note(by.id, entry.id, "resume")
-            began = Began("resume", plan=plan, detail={"of": of, "sittings": sittings})
-            studio_folder.tell_once(folder, began)
+            studio_folder.tell_once(folder, Began("resume", plan=plan, detail={"sittings": sittings}))
             slot.start("resume", folder.plan(plan))
 
     def say(self, entry: Entry, command: Command, by: Session) -> None:

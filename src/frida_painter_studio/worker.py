@@ -105,7 +105,7 @@ def calibrate(job: Job) -> None:
     """Runs the requested procedures in order; saves each result at once."""
     request, folder = CalibrationRequest.load(job.folder), job.folder.painting
     _make_ready(folder)
-    size = {} if job.easel.workspace else {"canvas": request.size}
+    size: dict[str, Any] = {} if job.easel.workspace else {"canvas": request.size}
     spec = RunSpec.of(brush=request.brush, seed=request.seed, **size, **job.easel.settings)
     with easel_of(spec, folder, job.state) as easel:
         here = with_operator(easel, spec, job.asker.answer)

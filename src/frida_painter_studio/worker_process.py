@@ -14,7 +14,7 @@ from typing import BinaryIO
 from frida_painter import registry
 from frida_painter.errors import FridaError, RobotStopped
 from frida_painter.python_process import in_own_process
-from frida_painter.session.events import Failed, Stopped
+from frida_painter.session.events import Stopped
 from frida_painter_studio.stop import StopPressed, StopWatch
 from frida_painter_studio.studio_folder import PLAN_JOB, Feed, PaintingFolder
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -48,12 +48,12 @@ def do_job(what: str, path: Path, number: int, lock: BinaryIO, easel: WebAppEase
         if stop.asked and isinstance(trouble, RobotStopped):
             feed.tell(Stopped())
         else:
-            feed.tell(Failed(str(trouble).replace(str(folder.path), "its folder")))
+            feed.tell(Stopped(str(trouble).replace(str(folder.path), "its folder")))
     except BaseException as failure:
         mark = secrets.token_hex(4)
         print(mark, traceback.format_exc(), file=sys.stderr)
         told = f"Something went wrong that should not have; its number in the log is {mark}."
-        feed.tell(Failed(str(registry.blame(failure) or told)))
+        feed.tell(Stopped(str(registry.blame(failure) or told)))
         raise
     finally:
         lock.close()

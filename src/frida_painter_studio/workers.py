@@ -7,15 +7,16 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from pathlib import Path
+from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from frida_painter import python_process, storage
 from frida_painter.errors import FridaError, Interrupted, ProcessLost, StorageError
-from frida_painter.session.events import Began, Queued
+from frida_painter.session.events import Began, Stopped
 from frida_painter_studio.store import Entry, PaintingStore
-from frida_painter_studio.studio_folder import PaintingFolder, PlanFolder, WorkerLock, tell_once, working
+from frida_painter_studio.studio_folder import PaintingFolder, PlanFolder, QueuedJob, WorkerLock, tell_once, working
 from frida_painter_studio.web_app_easel import WebAppEasel
 
 _MAX = 2
@@ -87,8 +88,6 @@ QUEUE = "queue"
 _PAINTING_QUEUE_MAX = 40
 _BETWEEN = 1.0  # seconds
 
-QueuedJob = Literal["plan", "paint"]
-
 
 @dataclass(frozen=True)
 class QueueEntry:
@@ -120,7 +119,12 @@ class PaintingQueue:
             if self._file.exists():
                 kept = storage.read_json(self._file, "the studio's queue")
                 self._entries = TypeAdapter(list[QueueEntry]).validate_python(kept["entries"])
+        self._jobs = self._find_jobs(self._entries)
         self._watch()
+
+    def find_job(self, folder: PaintingFolder) -> QueuedJob | None:
+        """Returns the job for which a painting waits; None if it does not wait."""
+        return self._jobs.get(folder.path)
 
     @property
     def held(self) -> bool:
@@ -147,7 +151,6 @@ class PaintingQueue:
             if not self._entries:
                 self._folder.stop.unlink(missing_ok=True)  # an empty queue was not stopped
             self._keep([*self._entries, QueueEntry(entry.id, plan.number, job)])
-            tell_once(entry.folder, Queued(plan.number, job))
 
     def remove(self, identifier: str) -> bool:
         """Removes a painting, also if it was started by hand; returns True if it was in the queue."""
@@ -155,10 +158,10 @@ class PaintingQueue:
             gone = [waiting for waiting in self._entries if waiting.painting == identifier]
             if not gone:
                 return False
-            self._keep([waiting for waiting in self._entries if waiting.painting != identifier])
             entry = self._store.find(identifier)
-            if entry is not None and entry.folder.path.is_dir():
-                tell_once(entry.folder, Queued(gone[0].plan, "removed"))
+            if gone[0].job == "plan" and entry is not None and entry.folder.path.is_dir():
+                tell_once(entry.folder, Stopped())
+            self._keep([waiting for waiting in self._entries if waiting.painting != identifier])
             return True
 
     def first(self, identifier: str) -> None:
@@ -197,7 +200,6 @@ class PaintingQueue:
             self._keep([other for other in self._entries if other != waiting])
             entry.folder.stop.unlink(missing_ok=True)
             plan = entry.folder.plan(waiting.plan)
-            tell_once(entry.folder, Queued(waiting.plan, "begun"))
             if waiting.job == "paint":
                 self._store.note("queue", entry.id, f"start plan {waiting.plan}")
                 start_painting(slot, plan)
@@ -206,10 +208,16 @@ class PaintingQueue:
 
     def _keep(self, entries: list[QueueEntry]) -> None:
         """Saves the queue. Raises StorageError, and then leaves the queue as it was."""
+        jobs = self._find_jobs(entries)
         self._folder.path.mkdir(exist_ok=True)
         storage.write_json(self._file, {"entries": [asdict(entry) for entry in entries]})
-        self._entries = entries
+        self._entries, self._jobs = entries, jobs
         self._watch()
+
+    def _find_jobs(self, entries: list[QueueEntry]) -> dict[Path, QueuedJob]:
+        """Returns the jobs of entries by the folders of their paintings."""
+        found = ((self._store.find(each.painting), each.job) for each in entries)
+        return {entry.folder.path: job for entry, job in found if entry is not None}
 
     def _watch(self) -> None:
         """Holds the lock of a worker at work while jobs wait."""
@@ -226,6 +234,5 @@ class PaintingQueue:
 
 def start_painting(slot: WorkerSlot, plan: PlanFolder) -> None:
     """Starts a worker that paints a plan."""
-    request = plan.request()
-    tell_once(slot.folder, Began("paint", plan=plan.number, detail={"of": 0 if request.together else request.strokes}))
+    tell_once(slot.folder, Began("paint", plan=plan.number))
     slot.start("paint", plan)

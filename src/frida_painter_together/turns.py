@@ -7,7 +7,7 @@ and two photographs of a pause show what was added.
 import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import cv2
@@ -24,7 +24,7 @@ from frida_painter.perception.frame_check import MARK, find_painted
 from frida_painter.plan import Plan
 from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.planner import Planner
-from frida_painter.session.events import PEN_LIMITS, PersonStrokeBegan, PersonStrokePainted, TimelapseFrame
+from frida_painter.session.events import PEN_LIMITS, StrokeOfPerson, TimelapseFrame
 from frida_painter.session.executor import Desk
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS, CanvasObserver
@@ -188,7 +188,7 @@ class PersonTurns:
     ) -> None:
         self._hand, self._observer, self._monitor, self._plans = hand, observer, monitor, plans
         self._journal, self._interruptions, self._progress, self._tell = desk
-        self._begun: list[PersonStrokeBegan] = []  # all strokes of the person
+        self._begun: list[StrokeOfPerson] = []  # all strokes of the person
         self._answered = 0  # number of the last stroke that the robot has answered
         self._released = 0  # number of the last stroke that the robot may paint over
         self._before: Tensor | None = None  # canvas at the beginning of a pause, if only photographs tell of the person
@@ -230,17 +230,17 @@ class PersonTurns:
         if wells is None or not 0 <= stroke.paint < count:
             raise ConfigError(f"Well {stroke.paint + 1} has no paint; {count} wells are filled. Take one of them.")
         red, green, blue = wells.color[stroke.paint].tolist()
-        begun = PersonStrokeBegan(stroke.number, progress.painted, stroke.record(), (red, green, blue))
+        begun = StrokeOfPerson(stroke.number, stroke.record(), (red, green, blue))
         if not progress.person_unseen:
             self._monitor.observe()
             self._plans.keep()
         self._journal.tell(begun)
-        self._lay(stroke)
+        self._lay(begun)
         self._begun.append(begun)
         seen = self._observer.film(self._observer.photograph(self._hand.last_motion).image, TIMELAPSE_ROWS)
         self._tell(TimelapseFrame(progress.painted, max(1, progress.strokes), begun.color, photograph=seen))
 
-    def remember(self, strokes: Sequence[PersonStrokeBegan], answered: int, released: int = 0) -> None:
+    def remember(self, strokes: Sequence[StrokeOfPerson], answered: int, released: int = 0) -> None:
         """Takes over the person's strokes of earlier runs.
 
         answered, released: numbers of the last one that the robot has answered, and that it may paint over.
@@ -378,21 +378,21 @@ class PersonTurns:
         self._progress.ended = True
         self._plans.replace(self._progress.rest.part(slice(0)))
 
-    def finish(self, stroke: PersonStroke) -> None:
+    def finish(self, begun: StrokeOfPerson) -> None:
         """Paints the person's last stroke of a painting that broke off before its end was noted.
 
         A simulated easel knows the strokes on its canvas by their numbers, so no stroke is painted twice.
         """
-        self._progress.person = stroke.number - 1
-        self._lay(stroke)
+        self._progress.person = begun.number - 1
+        self._lay(begun)
 
-    def _lay(self, stroke: PersonStroke) -> None:
+    def _lay(self, begun: StrokeOfPerson) -> None:
         operator = self._hand.easel.operator
         assert isinstance(operator, PersonCanvas)
-        operator.paint_stroke(stroke)
-        self._progress.person, self._progress.person_unseen = stroke.number, True
+        operator.paint_stroke(PersonStroke.of(begun.stroke))
+        self._progress.person, self._progress.person_unseen = begun.number, True
         self._interruptions.touched = True
-        painted = PersonStrokePainted(stroke.number, self._progress.painted)
+        painted = replace(begun, painted=True)
         self._journal.tell(painted)
         self._tell(painted)
 

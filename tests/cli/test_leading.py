@@ -7,7 +7,7 @@ import torch
 from frida_painter.cli.leading import follow, tell
 from frida_painter.errors import RobotError, StorageError
 from frida_painter.runs.run import RunOutcome
-from frida_painter.session.events import Finished, Paused, ResultFound, Stopped, StrokePainted, WorkExpected
+from frida_painter.session.events import Finished, Paused, ResultFound, Scheduled, Stopped, StrokePainted
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import Painting
 from support.plans import made_up_plan
@@ -32,7 +32,7 @@ def test_a_painting_is_followed_until_its_painter_ends(
 ) -> None:
     (tmp_path / inside).mkdir(exist_ok=True)
     journal = Journal.begin(tmp_path / inside, {}, {})
-    journal.show(WorkExpected(3, (), 0, 0))
+    journal.show(Scheduled(0, 3))
 
     def paint() -> None:
         for done in (1, 2, 3):
@@ -56,7 +56,7 @@ def test_what_is_no_painting_is_not_followed_and_one_that_ended_is_told(
         follow(tmp_path)
     journal = Journal.begin(tmp_path, {}, {})
     journal.tell(StrokePainted(2, 3))
-    journal.show(Stopped(2))
+    journal.show(Stopped())
     journal.close()
     follow(tmp_path)
     assert capsys.readouterr().out == "2 of 3 strokes painted. It stopped.\n"

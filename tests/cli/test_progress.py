@@ -1,38 +1,36 @@
 import io
 import itertools
+import json
 import math
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
 from frida_painter.cli.terminal import PaintingLine, PlanningLine, _words
 from frida_painter.planning.optimize import Step
+from frida_painter.session.choreography import Timetable
 from frida_painter.session.events import (
-    Answered,
     Asked,
+    Began,
     BrushInHand,
     Dipped,
     Drying,
     Event,
-    Finishing,
-    GroundWanted,
     LayerBegun,
     Looked,
     MotionBegan,
     PaintsWanted,
     Paused,
-    PersonStrokeBegan,
-    PersonStrokePainted,
     Planned,
     PlanningStep,
-    Resumed,
     Scheduled,
     SessionResumed,
+    StrokeOfPerson,
     StrokePainted,
     TimelapseFrame,
-    Timetable,
     WentOn,
-    WorkExpected,
+    record,
 )
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.replan_policy import EvenlySpaced, looks_on_the_way
@@ -73,8 +71,17 @@ def evening(strokes: int = STROKES, replans: int = REPLANS) -> list[tuple[float,
 def time_left(strokes: int = STROKES, replans: int = REPLANS, work: tuple[int, int] | None = None) -> RemainingTime:
     left = RemainingTime()
     looks = tuple(looks_on_the_way(EvenlySpaced(replans), strokes))
-    left.hear(WorkExpected(strokes, looks, *(work or (PLANNING, REPLANNING))), 0.0)
+    planning, replanning = work or (PLANNING, REPLANNING)
+    left.hear(Scheduled(0, strokes, looks, replanning, planning), 0.0)
     return left
+
+
+def planned(table: Timetable, of: int, done: int = 0, pace: float = 1.0) -> Scheduled:
+    """The rest of a painting without looks, whose robot takes so long."""
+    dried = table.dried or (0.0,) * len(table.after)
+    return Scheduled(
+        done, of, seconds=table.total, drying=table.drying, after=replace(table, dried=dried).milestones, pace=pace
+    )
 
 
 @pytest.mark.parametrize("replans", [0, 3, 9])
@@ -102,12 +109,28 @@ def test_strokes_of_unequal_length_are_counted_by_the_timetable() -> None:
     """The first half of the strokes takes a tenth of the time; by strokes alone it would seem half."""
     expecting = time_left(10, 0, (0, 0))
     after = tuple(float(second) for second in (1, 2, 3, 4, 5, 14, 23, 32, 41, 50))
-    expecting.hear(Scheduled(Timetable(strokes=50.0, after=after), 0), 0.0)
+    expecting.hear(planned(Timetable(strokes=50.0, after=after), 10), 0.0)
     for done in range(1, 6):
         expecting.hear(StrokePainted(done, 10, (0.0, 0.0, 0.0)), 2.0 * after[done - 1])
     assert expecting.remaining == pytest.approx(90)
-    expecting.hear(Scheduled(Timetable(strokes=20.0, after=(4.0, 8.0, 12.0, 16.0, 20.0)), 5), 10.0)
+    expecting.hear(planned(Timetable(strokes=20.0, after=(4.0, 8.0, 12.0, 16.0, 20.0)), 10, 5), 10.0)
     assert expecting.remaining == pytest.approx(40)
+
+
+def test_a_long_timetable_is_told_by_some_of_its_strokes_and_the_time_left_is_the_same() -> None:
+    """20,000 strokes, a dip before every ninth, and a layer that dries after 12,345."""
+    steps = [3.0 + 12.0 * (stroke % 9 == 0) + 600.0 * (stroke == 12_345) for stroke in range(20_000)]
+    dried = tuple(600.0 * (stroke >= 12_345) for stroke in range(20_000))
+    after = tuple(itertools.accumulate(steps))
+    told, expecting = planned(Timetable(after[-1] - 600, drying=600, after=after, dried=dried), 20_000), RemainingTime()
+    assert len(json.dumps(record(told))) < 10_000 and {12_345, 12_346} <= {stroke for stroke, _, _ in told.after}
+    expecting.hear(told, 0.0)
+    for done, now in enumerate(after, 1):
+        if done == 12_346:
+            for left in (600.0, 0.0):
+                expecting.hear(Drying(12_345, left), now - 3.0 - left)
+        expecting.hear(StrokePainted(done, 20_000), now)
+        assert done < 2000 or expecting.remaining == pytest.approx(after[-1] - now, rel=0.005, abs=20)
 
 
 def test_a_slower_machine_takes_longer_as_soon_as_it_is_known() -> None:
@@ -177,7 +200,7 @@ def shown(*events: Event) -> str:
     out = io.StringIO()
     console, state = Console(file=out, width=100, force_terminal=False), PaintingState()
     with PaintingLine(console, lambda: state) as bar:
-        for event in (*events, Finishing()):
+        for event in (*events, Began("results")):
             state.hear(event)
             bar.hear(event)
     return out.getvalue()
@@ -202,30 +225,32 @@ def test_the_line_stays_away_while_a_person_is_asked() -> None:
 
 def test_the_time_left_falls_as_the_paint_dries() -> None:
     expecting = time_left(2, 0, (0, 0))
-    expecting.hear(Scheduled(Timetable(strokes=20, drying=600, after=(10, 620)), 0), 0.0)
+    expecting.hear(planned(Timetable(strokes=20, drying=600, after=(10, 620)), 2), 0.0)
     expecting.hear(StrokePainted(1, 2), 10.0)
     left = []
     for at, dries in ((10, 600.0), (310, 300.0), (610, 0.0)):
-        expecting.hear(Drying(1, 600.0, dries), at)
+        expecting.hear(Drying(1, dries), at)
         left.append(expecting.remaining)
     assert left == pytest.approx([610, 310, 10])
-    assert _words(Drying(1, 600.0, 300.0), 1.0) == "letting the paint dry, 5 min 00 s more"
-    assert _words(Drying(1, 600.0, 300.0), 0.0) == ""
+    assert _words(Drying(1, 300.0), 1.0) == "letting the paint dry, 5 min 00 s more"
+    assert _words(Drying(1, 300.0), 0.0) == ""
 
 
 @pytest.mark.parametrize("left", [400.0, 0.0])
 def test_paint_that_dried_while_nobody_painted_is_not_waited_for_and_strokes_are_measured_again(left: float) -> None:
     clock, table = RemainingTime(), Timetable(strokes=10.0, after=tuple(map(float, range(1, 11))), dried=(0.0,) * 10)
-    clock.hear(WorkExpected(20, (), 0, 0), 0.0)
-    clock.hear(Scheduled(table, 10), 0.0)
+    clock.hear(Scheduled(10, 20), 0.0)
+    clock.hear(planned(table, 20, 10), 0.0)
     for now, wet in ((1.0, 1200.0), (61.0, 1140.0)):
-        clock.hear(Drying(10, 1200.0, wet), now)
+        clock.hear(Drying(10, wet), now)
+    before = clock.remaining
+    clock.hear(Scheduled(10, 20), 8990.0)
+    assert clock.remaining == before, "a sitting that looks first goes on with its plan"
     clock.hear(SessionResumed(10), 9000.0)
-    clock.hear(Resumed(10), 9000.0)
-    clock.hear(Scheduled(table.after_drying(left), 10), 9000.0)
+    clock.hear(planned(table.after_drying(left), 20, 10), 9000.0)
     for wet in dict.fromkeys((left, 0.0)) if left else ():
-        clock.hear(Drying(10, 1200.0, wet), 9000.0 + left - wet)
-    clock.hear(LayerBegun(10, 2, "fine"), 9000.0 + left)
+        clock.hear(Drying(10, wet), 9000.0 + left - wet)
+    clock.hear(LayerBegun(2, "fine"), 9000.0 + left)
     clock.hear(MotionBegan(("stroke 11",), 11), 9000.0 + left)
     clock.hear(StrokePainted(11, 20), 9002.0 + left)
     assert clock.remaining == pytest.approx(9 * 2)
@@ -235,8 +260,8 @@ def _frame(done: int) -> TimelapseFrame:
     return TimelapseFrame(done, 300, (0.0, 0.0, 0.0))
 
 
-def _person(number: int) -> PersonStrokeBegan:
-    return PersonStrokeBegan(number, 10, {}, (0.0, 0.0, 0.0))
+def _person(*, painted: bool) -> StrokeOfPerson:
+    return StrokeOfPerson(1, {}, (0.0, 0.0, 0.0), painted)
 
 
 PAUSED, LOOKED = Paused("You asked.", 10, "person"), Looked(10)
@@ -250,17 +275,18 @@ OF_A_PERSON: dict[str, list[tuple[float, Event]]] = {
     "a pause during a look": [(0, PAUSED), (300, LOOKED)],
     "a frame after a pause": [(0, PAUSED), (300, _frame(10)), (0, WentOn())],
     "a turn with strokes": [
-        (0, PAUSED), (100, LOOKED), (9, _person(1)), (1, PersonStrokePainted(1, 10)), (2, _frame(10)), (300, WentOn()),
+        (0, PAUSED), (100, LOOKED), (9, _person(painted=False)), (1, _person(painted=True)), (2, _frame(10)),
+        (300, WentOn()),
     ],
-    "strokes alone": [(300, PersonStrokePainted(1, 10)), (1, _frame(10)), (0, Dipped(0))],
-    "a question": [(0, Asked({})), (300, Answered()), (0, Dipped(0))],
-    "a question in a pause": [(0, PAUSED), (90, Asked({})), (300, Answered()), (300, WentOn())],
+    "strokes alone": [(300, _person(painted=True)), (1, _frame(10)), (0, Dipped(0))],
+    "a question": [(0, Asked({})), (300, Asked(None)), (0, Dipped(0))],
+    "a question in a pause": [(0, PAUSED), (90, Asked({})), (300, Asked(None)), (300, WentOn())],
     "paints to be mixed": [(0, PAINTS), (300, Dipped(0))],
     "mixed paints for which the rest is planned again": [
         (0, PAINTS), (300, STEPS[0][1]), *STEPS[1:], (0, REPLANNED), (300, Dipped(0)),
     ],
-    "a canvas to be toned": [(0, GroundWanted((0.0, 0.0, 0.0))), (300, Dipped(0))],
-    "a brush changed by hand": [(0, BrushInHand(None)), (300, BrushInHand("fine")), (0, LayerBegun(10, 2, "fine"))],
+    "a canvas to be toned": [(0, PaintsWanted(("#000000",), ground=True)), (300, Dipped(0))],
+    "a brush changed by hand": [(0, BrushInHand(None)), (300, BrushInHand("fine")), (0, LayerBegun(2, "fine"))],
     "a plan in a pause, and a person who thinks": [(0, PAUSED), (300, LOOKED), *STEPS, (0, REPLANNED), (300, WentOn())],
     "a plan after a pause": [(0, PAUSED), (300, WentOn()), (0, LOOKED), *STEPS, (0, REPLANNED)],
     "a pause within a plan": [STEPS[0], (0, PAUSED), (300, STEPS[1][1]), *STEPS[2:], (0, REPLANNED)],
@@ -275,7 +301,7 @@ def test_what_a_person_takes_is_never_counted_as_work(
     """Strokes of a second, with minutes of a person among them: 300 strokes take 300 s in all."""
     expecting, now = time_left(300, 0, (0, 4)), 0.0
     if timetable:
-        expecting.hear(Scheduled(Timetable(strokes=300.0, after=timetable), 0), 0.0)
+        expecting.hear(planned(Timetable(strokes=300.0, after=timetable), 300), 0.0)
     before = [(1.0, StrokePainted(done, 300)) for done in range(1, 11)]
     painted = max([10, *(event.done for _, event in events if isinstance(event, StrokePainted))])
     after = [(1.0, StrokePainted(done, 300)) for done in range(painted + 1, 20)]
@@ -314,12 +340,12 @@ def test_drying_counts_as_long_as_people_wait_for_it(pace: float, left: float) -
     """20 minutes of the robot's clock are nothing in a studio that is simulated at once."""
     expecting = time_left(4, 0, (0, 0))
     table = Timetable(strokes=20, drying=600, after=(5.0, 10.0, 615.0, 620.0), dried=(0.0, 0.0, 600.0, 600.0))
-    expecting.hear(Scheduled(table, 0, pace), 0.0)
+    expecting.hear(planned(table, 4, pace=pace), 0.0)
     for done in (1, 2):
         expecting.hear(StrokePainted(done, 4), 5.0 * done)
     assert expecting.remaining == pytest.approx(left)
     for part in (1.0, 0.5, 0.0) if pace else ():
-        expecting.hear(Drying(2, 600.0, 600.0 * part), 10.0 + 600 * pace * (1 - part))
+        expecting.hear(Drying(2, 600.0 * part), 10.0 + 600 * pace * (1 - part))
         assert expecting.remaining == pytest.approx(10.0 + 600 * pace * part)
     expecting.hear(StrokePainted(3, 4), 15.0 + 600 * pace)
     assert expecting.remaining == pytest.approx(5.0)

@@ -136,7 +136,7 @@ def test_a_viewer_of_forty_lines_shows_a_painting_from_its_folder_alone(tmp_path
     seen: list[tuple[str, bytes]] = []
 
     def look(event: object) -> None:
-        if isinstance(event, fp.events.StrokePainted | fp.events.Finishing):
+        if isinstance(event, fp.events.StrokePainted | fp.events.Finished):
             page, picture = (urlopen(f"{address}/{name}").read() for name in ("", "picture"))
             seen.append((page.decode(), picture))
 

@@ -9,17 +9,17 @@ from torch import Tensor
 
 from frida_painter.plan import Plan
 from frida_painter.planning.mixable import MIXED_PAINTS
-from frida_painter.report.recorder import Recorder
+from frida_painter.report.recorder import Description, Recorder
 from frida_painter.session.events import (
     Dipped,
     Event,
     Looked,
     Planned,
     PlanningStep,
+    Remark,
     Stopped,
     StrokePainted,
     TimelapseFrame,
-    TouchCorrected,
 )
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
@@ -68,7 +68,7 @@ def recorded(
 ) -> tuple[Path | None, dict[str, object]]:
     folder.joinpath("plan.json").write_text("written by the journal")
     journal = Journal.nowhere()
-    with Recorder(folder, *TOLD, {"medium": small_table()}, timelapse_frames, journal.state) as recorder:
+    with Recorder(folder, Description(*TOLD, timelapse_frames), {"medium": small_table()}, journal.state) as recorder:
         for event in events:
             journal.tell(recorder.hear(event))
         page = recorder.finish(painting)
@@ -147,7 +147,7 @@ def test_the_figures_are_those_of_the_evening(tmp_path: Path) -> None:
 
 def test_the_plan_on_record_is_what_was_painted(tmp_path: Path) -> None:
     evening = an_evening()
-    evening[-1:-1] = [TouchCorrected("medium", 0.0005, 6), TouchCorrected("medium", 0.0012, 6)]
+    evening[-1:-1] = [Remark(f"{lower} mm lower", "touch", "medium") for lower in (0.5, 1.2)]
     page, result = recorded(tmp_path, evening, whole())
     assert page is not None and "1.2 mm lower" in page.read_text() and "0.5 mm" not in page.read_text()
     assert result["plan_digest"] == FIRST.part(slice(6)).followed_by(SECOND).digest
@@ -160,7 +160,7 @@ def test_what_is_to_be_said_of_the_last_photograph_is_on_the_page(tmp_path: Path
 
 
 def test_a_painting_that_was_stopped_tells_what_there_is(tmp_path: Path) -> None:
-    events = [*an_evening()[:8], Stopped(4)]
+    events = [*an_evening()[:8], Stopped()]
     page, result = recorded(tmp_path, events, Painting(picture(0.8, 80, 120), 4, FIRST.part(slice(4, None))))
     assert page is not None and result["stopped"] is True
     assert (result["strokes_painted"], result["strokes_planned"], result["looks"]) == (4, 12, [])
@@ -170,7 +170,7 @@ def test_a_painting_that_was_stopped_tells_what_there_is(tmp_path: Path) -> None
 
 
 def test_without_a_plan_there_is_nothing_to_tell(tmp_path: Path) -> None:
-    page, result = recorded(tmp_path, [PlanningStep("plan", 1, 2, 0.5), Stopped(0)], Painting(picture(1.0), 0, None))
+    page, result = recorded(tmp_path, [PlanningStep("plan", 1, 2, 0.5), Stopped()], Painting(picture(1.0), 0, None))
     assert page is None and result == {}
     assert {path.name for path in tmp_path.iterdir()} <= {"target.jpg", "plan.json"}
 
@@ -184,7 +184,7 @@ def test_without_glimpses_there_is_no_film_and_the_page_does_not_name_one(tmp_pa
 
 def test_an_evening_that_ends_in_an_error_leaves_the_film_so_far(tmp_path: Path) -> None:
     def until_it_fails() -> None:
-        with Recorder(tmp_path, *TOLD, {"medium": small_table()}, 4, PaintingState()) as recorder:
+        with Recorder(tmp_path, Description(*TOLD, 4), {"medium": small_table()}, PaintingState()) as recorder:
             for event in an_evening()[:8]:
                 recorder.hear(event)
             raise RuntimeError("the robot caught fire")

@@ -19,7 +19,7 @@ from frida_painter.runs.painting_folder import RunRecord, history_of
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
-from frida_painter.session.events import Event, Finishing, GroundWanted, Planned, Stopped, StrokePainted
+from frida_painter.session.events import Began, Event, PaintsWanted, Planned, Stopped, StrokePainted
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
 from killing import began, kill_when
@@ -97,8 +97,8 @@ def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
         chosen = from_hex("#ffffff" if run.spec.ground == "white" else run.spec.ground)
         (plan,) = (event.plan for event in heard if isinstance(event, Planned) and event.done == 0)
         assert torch.equal(torch.tensor(plan.ground), chosen) and torch.equal(run.planner.bare[:, 0, 0], chosen)
-    wanted = [event.color for event in heard if isinstance(event, GroundWanted)]
-    assert wanted == ([] if run.spec.ground == "white" else [plan.ground])
+    wanted = [event.colors for event in heard if isinstance(event, PaintsWanted) and event.ground]
+    assert wanted == ([] if run.spec.ground == "white" else [(run.spec.ground,)])
     near = (painting.photograph - chosen[:, None, None]).abs().amax(0) < 0.06
     assert float(near.float().mean()) > 0.25, "three strokes leave much of it to be seen"
 
@@ -190,4 +190,4 @@ def test_stopped_before_there_is_a_plan_nothing_is_left_to_finish(photo: Path, t
     with PaintingRun(spec, tmp_path / "painting", listeners=[heard.append], controls=Controls(lambda: True)) as run:
         outcome = run.start()
     assert outcome.page is None and any(isinstance(event, Stopped) for event in heard)
-    assert not any(isinstance(event, Finishing) for event in heard)
+    assert not any(isinstance(event, Began) for event in heard)

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from frida_painter.errors import StorageError
 from frida_painter.event_log import EventLog
 from frida_painter.session import events
-from frida_painter.session.events import KINDS, Durable, Event, Timetable, events_of, record, time_of
+from frida_painter.session.events import KINDS, Durable, Event, events_of, record, time_of
 from frida_painter.session.fold import FORMAT, VERSION, PaintingState
 from frida_painter.session.journal import Journal
 
@@ -25,43 +25,43 @@ AT = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 COLOR = (0.1, 0.2, 0.3)
 LOOK = {"seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
 TOLD: list[Event] = [
-    events.WorkExpected(6, (2, 4), 10, 3),
+    events.Scheduled(0, 6, (2, 4), 3, 10),
     events.PlanningStep("plan", 1, 2, 0.5),
     events.PlanAdopted("f", 0, "photographs/look-0000.png", COLOR, ((1.0, 0.0),)),
     events.Planned(0, 6, 0.5, 0.25, (20.0, 19.0, 21.0)),
-    events.Scheduled(Timetable(strokes=6.0, after=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0)), 0),
+    events.Scheduled(0, 6, (2, 4), 3, seconds=6.0, after=((1, 1.0, 0.0), (6, 6.0, 0.0))),
     events.PaintsWanted(("#ffffff",)),
-    events.LayerBegun(0, 1, "fine", 2),
+    events.LayerBegun(1, "fine", 2),
     events.Dipped(1, cleaned=True),
-    events.MotionBegan(("stroke 1",), 1, "f"),
+    events.MotionBegan(("stroke 1",), 1),
     events.StrokePainted(1, 6, COLOR),
     events.TimelapseFrame(1, 6, COLOR, "sketchbook/glimpse-000001.jpg"),
-    events.Photographed("photographs/look-0001.png", 1.0, 2, [[0.0]], "abc"),
+    events.CanvasPicture("photographs/look-0001.png", 1, "camera", "abc", [[0.0]]),
     events.Looked(1, LOOK),
-    events.TouchCorrected("fine", 0.0008, 1),
+    events.Remark("0.8 mm lower", "touch", "fine"),
     events.PlanningStep("replan", 1, 3, 0.4),
     events.Planned(1, 5, 0.5, 0.4, None, "d.jpg"),
-    events.Drying(1, 60.0, 30.0),
+    events.Drying(1, 30.0),
     events.Paused("You asked.", 1, "person"),
     events.RequestTaken({"kind": "propose", "words": "a sea"}),
     events.PicturesMade("a sea", "maker", [{"picture": "p.jpg", "file": "f", "seed": 1}], 0, "first", []),
     events.RegionProtected("regions/1.png", only=True, picture="region.png"),
     events.GoalChanged("changes/1", {"terms": []}, 1, ("words",)),
-    events.PersonStrokeBegan(1, 1, {}, COLOR),
-    events.PersonStrokePainted(1, 1),
+    events.StrokeOfPerson(1, {}, COLOR),
+    events.StrokeOfPerson(1, {}, COLOR, painted=True),
     events.Turns(3, 0.0, "continue", "protect"),
     events.WentOn(),
     events.StrokeLeftOut(2, 6),
     events.BrushInHand(None),
     events.Remark("No."),
-    events.MotionBegan(("stroke 3",), 3, "f"),
-    events.Failed("The robot is gone."),
+    events.MotionBegan(("stroke 3",), 3),
+    events.Stopped("The robot is gone."),
     events.SessionResumed(2, 3, "skip"),
-    events.Resumed(3),
-    events.CanvasPicture("photographs/seen-0002.png", 3, seen=True, content="abc"),
+    events.ResultFound("found", "found.jpg"),
+    events.CanvasPicture("photographs/seen-0002.png", 3, "person", "abc"),
     events.StrokePainted(6, 6),
     events.Finished(6, 4.5),
-    events.Finishing(),
+    events.Began("results"),
     events.ResultFound("results", detail={"film": True, "arm": False}),
 ]
 VALUES: dict[Any, Any] = {int: 3, float: 0.25, str: "turn", bool: True}
@@ -163,7 +163,7 @@ def test_every_prefix_of_a_journal_folds_to_what_was_shown_then(tmp_path_factory
 def test_a_painting_is_folded_for_those_who_resume_it() -> None:
     state = fold(events.PaintingBegun({"strokes": 6}, {}), *TOLD)
     assert (state.painted, state.of, state.given_up, state.in_doubt) == (6, 6, [2, 3], None)
-    assert (state.dips, state.cleanings, state.runs, state.photographed) == (1, 1, 2, 2)
+    assert (state.dips, state.cleanings, state.runs, state.photographed) == ({3: 1}, 1, 2, 2)
     assert state.region is not None and (state.region.region, state.goal) == ("regions/1.png", "changes/1")
     assert (state.finished, state.robot_seconds, state.doing) == (True, 4.5, "finished")
     assert (state.person_painted, state.person_seen, state.turns.strokes) == (1, 0, 3)
@@ -173,7 +173,7 @@ def test_a_painting_is_folded_for_those_who_resume_it() -> None:
 
 def test_a_painting_is_folded_for_those_who_watch_it() -> None:
     state = fold(*TOLD[:15])
-    assert (state.doing, state.share, state.paint, state.dips_of) == ("planning", 1 / 3, 3, {3: 1})
+    assert (state.doing, state.paint, state.dips) == ("planning", 3, {3: 1})
     assert state.looks[-1].planned is None and "0.8 mm lower" in state.looks[-1].touch[0]
     assert state.phases == [("plan for 6 strokes", [(1, 0.5)])] and state.forecasts == [(0, (20.0, 19.0, 21.0))]
     assert state.expected_seconds == 6.0 and state.photograph == "a.jpg"
@@ -181,7 +181,7 @@ def test_a_painting_is_folded_for_those_who_watch_it() -> None:
     planned = state.looks[-1].planned
     assert planned is not None and (planned.look, round(planned.gain, 3)) == ("d.jpg", 0.2)
     assert fold(*TOLD[:17]).doing == "drying"
-    assert fold(events.Scheduled(Timetable(), 0, 0.0), TOLD[16]).doing != "drying", "nobody waits"
+    assert fold(events.Scheduled(0, 6, seconds=0.0, pace=0.0), TOLD[16]).doing != "drying", "nobody waits"
     paused = fold(*TOLD[:18])
     assert (paused.doing, paused.paused, paused.is_making) == ("paused", True, None)
     asked = fold(*TOLD[:19])
@@ -197,7 +197,7 @@ def test_a_painting_is_folded_for_those_who_watch_it() -> None:
 def test_at_a_terminal_nobody_tells_the_end_of_a_pause_and_a_plan_may_have_been_broken_off() -> None:
     state = fold(events.Paused("A pause file is there."), events.MotionBegan(("home",)))
     assert (state.doing, state.paused) == ("paused", True)
-    state.hear(events.MotionBegan(("stroke 1",), 1, "f"), AT)
+    state.hear(events.MotionBegan(("stroke 1",), 1), AT)
     assert (state.doing, state.paused) == ("painting", False)
     step, planned = events.PlanningStep("plan", 1, 2, 0.5), events.Planned(0, 6, 0.5, 0.25)
     assert fold(step, events.SessionResumed(0), step, planned).phases == [("plan for 6 strokes", [(1, 0.5)])]
@@ -205,7 +205,7 @@ def test_at_a_terminal_nobody_tells_the_end_of_a_pause_and_a_plan_may_have_been_
 
 def test_the_time_of_a_whole_painting_is_that_of_its_first_plan() -> None:
     told = ((6.0, 0), (4.0, 0), (2.0, 3))
-    first, again, rest = (events.Scheduled(Timetable(strokes=seconds), done) for seconds, done in told)
+    first, again, rest = (events.Scheduled(done, 6, seconds=seconds) for seconds, done in told)
     assert fold(first, again, rest).expected_seconds == 4 and fold(rest).expected_seconds == 2
 
 
@@ -228,13 +228,13 @@ def test_a_look_tells_what_a_person_had_asked_for_before_it(asked: list[Event], 
 @pytest.mark.parametrize(
     ("told", "doing"),
     [
-        ([events.Stopped(2)], "stopped"),
-        ([events.Stopped(2), events.Finishing()], "finishing"),
-        ([events.Stopped(2), events.Finishing(), TOLD[-1]], "stopped"),
-        ([events.Failed("No."), events.Stopped(2), events.Finishing(), TOLD[-1]], "failed"),
-        ([events.Failed("No."), events.StrokePainted(3)], "failed"),
-        ([events.Failed("No."), events.SessionResumed(2)], "preparing"),
-        ([TOLD[-1], events.Stopped(2)], "finished"),
+        ([events.Stopped()], "stopped"),
+        ([events.Stopped(), events.Began("results")], "finishing"),
+        ([events.Stopped(), events.Began("results"), TOLD[-1]], "stopped"),
+        ([events.Stopped("No."), events.Stopped(), events.Began("results"), TOLD[-1]], "failed"),
+        ([events.Stopped("No."), events.StrokePainted(3)], "failed"),
+        ([events.Stopped("No."), events.SessionResumed(2)], "preparing"),
+        ([TOLD[-1], events.Stopped()], "finished"),
     ],
 )
 def test_how_a_painting_ends(told: list[Event], doing: str) -> None:
@@ -243,10 +243,10 @@ def test_how_a_painting_ends(told: list[Event], doing: str) -> None:
 
 def test_time_in_a_break_does_not_count_and_paint_dries_meanwhile() -> None:
     state = PaintingState()
-    drying = events.Drying(1, 100.0, 80.0)
+    drying = events.Drying(1, 80.0)
     told: list[tuple[Event, float]] = [
         (events.PaintingBegun({}, {}), 0), (events.StrokePainted(1), 10), (drying, 12),
-        (events.WorkExpected(6, (), 0, 0), 998), (events.SessionResumed(1), 1000), (events.WentOn(), 1005),
+        (events.Scheduled(1, 6), 998), (events.SessionResumed(1), 1000), (events.WentOn(), 1005),
     ]  # fmt: skip
     for event, seconds in told:
         state.hear(event, AT + timedelta(seconds=seconds))
@@ -274,7 +274,7 @@ def test_a_clock_that_is_set_costs_an_hour_at_most_and_no_number_is_below_zero(n
     steps, counted = CLOCKS[name]
     state, now = PaintingState(), AT
     state.hear(events.PaintingBegun({}, {}), now)
-    state.hear(events.WorkExpected(len(steps) + 2, (), 0, 0), now)
+    state.hear(events.Scheduled(0, len(steps) + 2), now)
     for done, step in enumerate(steps, 1):
         now += timedelta(seconds=step)
         state.hear(events.StrokePainted(done), now)

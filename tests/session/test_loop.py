@@ -22,8 +22,8 @@ from frida_painter.errors import (
 )
 from frida_painter.event_log import EventLog
 from frida_painter.palette import Palette
+from frida_painter.session.choreography import DRYING
 from frida_painter.session.events import (
-    DRYING,
     BrushInHand,
     Dipped,
     Drying,
@@ -212,7 +212,7 @@ def test_a_stop_is_heeded_after_the_stroke_and_everything_is_kept(stroke: int) -
     assert painting.painted == stroke and setup.painted() == list(range(1, stroke + 1))
     assert painting.rest is not None and len(painting.rest) == 9 - stroke
     assert painting.photograph.shape[0] == 3
-    assert setup.heard[-1] == Stopped(stroke)
+    assert setup.heard[-1] == Stopped()
     assert setup.robot.labels()[-3:] == ["rinse", "wipe", "home"]
 
 
@@ -354,7 +354,7 @@ def test_each_layer_is_painted_with_its_brush_which_is_asked_for_when_it_changes
     assert setup.easel.operator.brushes == ["large", "small"]
     begun = [event for event in setup.heard if isinstance(event, LayerBegun)]
     assert begun == [
-        LayerBegun(0, 1, "small"), LayerBegun(2, 2, "large"), LayerBegun(4, 3, "large"), LayerBegun(6, 4, "small")
+        LayerBegun(1, "small"), LayerBegun(2, "large"), LayerBegun(3, "large"), LayerBegun(4, "small")
     ]  # fmt: skip
     kinds = setup.kinds(PlanningStep, BrushInHand, Dipped, Scheduled)
     assert kinds.index("Drying") < kinds.index("LayerBegun", 4) < kinds.index("StrokePainted", 6)
@@ -404,8 +404,8 @@ def test_resumed_where_a_layer_begins_it_dries_first_and_looks() -> None:
     plan = setup.planner.plan(torch.ones(3, 8, 8), 8, 2, lambda step: None)
     bare = torch.ones(3, 48, 64)
     setup.resume(ResumeState(plan, 6, 4, bare, bare))
-    assert setup.kinds(PlanningStep, BrushInHand, Dipped, Scheduled, Drying)[:5] == [
-        "Resumed", "Looked", "Planned", "PaintsWanted", "LayerBegun"
+    assert setup.kinds(PlanningStep, BrushInHand, Dipped, Scheduled, Drying)[:4] == [
+        "Looked", "Planned", "PaintsWanted", "LayerBegun"
     ]  # fmt: skip
     assert setup.planner.fresh == [True] and sum(setup.easel.operator.dried) == DRYING
     assert setup.painted() == [7, 8]
@@ -422,8 +422,8 @@ def test_resumed_in_drying_it_waits_for_the_rest_only_and_looks_where_nobody_has
     assert sum(setup.easel.operator.dried) == pytest.approx(wet)
     assert [event.left for event in setup.heard if isinstance(event, Drying)] == ([61.5, 1.5, 0] if wet else [])
     assert setup.painted() == [7, 8] and setup.kinds().count("Looked") == looks
-    (first, *_) = (event.timetable for event in setup.heard if isinstance(event, Scheduled))
-    assert first.drying == wet and first.after[0] > wet
+    (first, *_) = (event for event in setup.heard if isinstance(event, Scheduled))
+    assert first.drying == wet and first.after[0][1] > wet
 
 
 def test_a_stop_and_a_pause_are_heard_while_paint_dries(tmp_path: Path) -> None:
@@ -502,11 +502,11 @@ def test_a_canvas_that_was_not_toned_pauses_before_anything_is_planned(
     with pytest.raises(PaintingPaused, match=f"to be {name}, and the canvas shows #ffffff"):
         setup.run()
     assert setup.easel.operator.toned == [ground], "a pale ground is no white paper"
-    assert setup.kinds() == ["GroundWanted", "Paused", "Stopped"] and setup.painted() == []
+    assert setup.kinds() == ["PaintsWanted", "Paused", "Stopped"] and setup.painted() == []
 
 
 def test_who_goes_on_all_the_same_paints_on_what_is_there() -> None:
     setup = SessionSetup(3, go_on=lambda paused: True)
     setup.planner.ground = TAN
     assert setup.run().painted == 3
-    assert setup.kinds()[:2] == ["GroundWanted", "Paused"] and len(setup.camera.asked) >= 3
+    assert setup.kinds()[:2] == ["PaintsWanted", "Paused"] and len(setup.camera.asked) >= 3

@@ -7,13 +7,14 @@ import torch
 
 from frida_painter.errors import ConfigError
 from frida_painter.plan import Plan
-from frida_painter.session.events import DRYING, Paused, Scheduled, StrokePainted
+from frida_painter.session.choreography import DRYING
+from frida_painter.session.events import Paused, Scheduled, StrokePainted
 from support.session import NotingPlanner, SessionSetup
 
 
 def told(setup: SessionSetup) -> float:
     """Seconds that the robot was to take, before it began."""
-    return next(event.timetable.total for event in setup.heard if isinstance(event, Scheduled))
+    return next(event.seconds or 0.0 for event in setup.heard if isinstance(event, Scheduled))
 
 
 def needed(**settings: object) -> float:

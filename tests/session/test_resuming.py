@@ -142,8 +142,8 @@ class Moments(Journal):
 
     copies: Path
 
-    def begins(self, action: Action, plan: Plan) -> None:
-        super().begins(action, plan)
+    def begins(self, action: Action) -> None:
+        super().begins(action)
         self._keep_copy("began", action.done)
 
     def tell(self, event: Event) -> None:

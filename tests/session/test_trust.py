@@ -9,7 +9,7 @@ from frida_painter.errors import PaintingPaused
 from frida_painter.hardware.faults import Bump, Faults, InSight, LostFocus
 from frida_painter.perception import frame_check
 from frida_painter.perception.registration import CanvasShift, Registration, Verdict
-from frida_painter.session.events import Event, LastLookDoubted, Paused
+from frida_painter.session.events import Event, Paused, Remark
 from frida_painter.session.journal import Journal
 from support.small_world import fine_registration
 from support.virtual_painting import STROKES, VirtualPainting
@@ -67,8 +67,8 @@ def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_
     session, studio = world.session(tmp_path, Journal.nowhere(), faults=faults, notify=heard.append)
     painting = session.run(STROKES, 3)
     studio.close()
-    (doubted,) = [event for event in heard if isinstance(event, LastLookDoubted)]
-    assert reason in doubted.reason and painting.remark == doubted.sentence
+    (doubted,) = [event for event in heard if isinstance(event, Remark)]
+    assert reason in doubted.sentence and doubted.about == "last look" and painting.remark == doubted.sentence
     assert painting.painted == STROKES and painting.photograph.shape[0] == 3
     assert not [event for event in heard if isinstance(event, Paused)]
 

@@ -81,13 +81,16 @@ def test_each_forecast_is_given_the_times_of_the_strokes_that_are_left() -> None
     wet = WetPaint(10.0, 0.1, 300.0)
     setup = setup_with(wet)
     setup.run()
-    tables = [event.timetable.after for event in setup.heard if isinstance(event, Scheduled)]
+    tables = [
+        pytest.approx([at for _, at, _ in event.after], abs=0.01)
+        for event in setup.heard if isinstance(event, Scheduled)
+    ]  # fmt: skip
     assert [each.painted_at for each in setup.planner.wet if each] == tables and len(tables) == 2
     assert all(each is not None and each.paint == wet for each in setup.planner.wet)
     assert [mixed for _, mixed in setup.planner.settled] == [False, True]
-    assert [len(each.painted_at) for each, _ in setup.planner.settled] == [len(each) for each in tables]
+    assert [len(each.painted_at) for each, _ in setup.planner.settled] == [len(each.expected) for each in tables]
     (known,) = setup.planner.replanned
-    assert known is not None and known.below is not None and len(known.painted_at) == len(tables[1])
+    assert known is not None and known.below is not None and len(known.painted_at) == len(tables[1].expected)
     assert len(known.below) == len(known.below_at) == 3 and max(known.below_at) == 0 > min(known.below_at) > -300
     dry = SessionSetup(6, replans=1)
     dry.run()

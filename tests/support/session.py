@@ -14,6 +14,7 @@ from frida_painter.hardware.robot import BrushRack
 from frida_painter.palette import Palette
 from frida_painter.perception.registration import CanvasShift, Registration, Verdict
 from frida_painter.plan import Plan
+from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
@@ -43,6 +44,7 @@ class NotingPlanner:
     region = None
     seed = 0
     size = CANVAS
+    effort = Effort()
     encoders = None
     layers: tuple[int, ...] = ()
     brushes: tuple[str, ...] = ()

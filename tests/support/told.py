@@ -15,22 +15,18 @@ from frida_painter.session.events import (
     Dipped,
     Event,
     Finished,
-    Finishing,
     Looked,
     PaintingBegun,
     Paused,
     PersonMayPaint,
-    PersonStrokePainted,
     PlanAdopted,
     Planned,
-    Queued,
     RegionProtected,
     ResultFound,
     Scheduled,
+    StrokeOfPerson,
     StrokePainted,
     TimelapseFrame,
-    Timetable,
-    WorkExpected,
     record,
 )
 from frida_painter_studio.store import PaintingStore
@@ -53,12 +49,11 @@ PLANNED: list[Event] = [
     Began("plan", plan=1, detail=REQUEST),
     ResultFound("plan", plan=1, detail={"nearer": 0.5, "seconds": 10.0, "mixtures": MIXTURES, **MADE}),
 ]
-BEGUN: list[Event] = [Began("paint", plan=1, detail={"of": 40}), PaintingBegun({}, {})]
+BEGUN: list[Event] = [Began("paint", plan=1), PaintingBegun({}, {})]
 PAINTED: list[Event] = [
     *BEGUN,
-    WorkExpected(40, (), 0, 0),
     PlanAdopted("", 0, None, (0.0, 0.0, 0.0), ()),
-    Scheduled(Timetable(strokes=160.0, after=tuple(4.0 * done for done in range(1, 41))), 0),
+    Scheduled(0, 40, seconds=160.0, after=((1, 4.0, 0.0), (40, 160.0, 0.0))),
     Dipped(1),
     *(StrokePainted(done, 40) for done in (1, 2, 3)),
     TimelapseFrame(3, 40, (0.0, 0.0, 0.0), "sketchbook/glimpse-000003.jpg"),
@@ -69,7 +64,7 @@ PERSON: list[Event] = [
         [{"name": name, "light": wide / 4, "hard": wide} for name, wide in (("fine", 0.004), ("medium", 0.008))],
         ["#c06030", "#203050"],
     ),
-    *(PersonStrokePainted(number, 3) for number in (1, 2)),
+    *(StrokeOfPerson(number, {}, (0.0, 0.0, 0.0), painted=True) for number in (1, 2)),
 ]
 LOOKED = Looked(3, dict.fromkeys(("seen", "expected", "difference"), "look.jpg"))
 PROTECTED: list[Event] = [
@@ -79,7 +74,7 @@ PROTECTED: list[Event] = [
 ]
 FINISHED: list[Event] = [
     *(StrokePainted(done, 40) for done in range(4, 41)),
-    Finished(40), Finishing(), ResultFound("results", detail={"film": True}),
+    Finished(40), Began("results"), ResultFound("results", detail={"film": True}),
 ]  # fmt: skip
 
 
@@ -124,7 +119,7 @@ class Told:
         for event in told:
             if isinstance(event, PaintingBegun):
                 self._log = EventLog(self.folder.painting / JOURNAL, FEED)  # which nobody owns
-            log = self._feed if isinstance(event, Began | Queued) else self._log
+            log = self._feed if isinstance(event, Began) and event.what != "results" else self._log
             self._clock += timedelta(seconds=4)
             log.append({**record(event), "at": self._clock.isoformat()})
 

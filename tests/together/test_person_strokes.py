@@ -16,11 +16,10 @@ from hypothesis.extra.numpy import arrays
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.event_log import EventLog
-from frida_painter.hardware.easel import PersonStroke
 from frida_painter.plan import Plan
 from frida_painter.session import resuming
 from frida_painter.session.controls import Controls
-from frida_painter.session.events import Event, PauseCause, Paused, PersonStrokePainted, Planned, TimelapseFrame
+from frida_painter.session.events import Event, PauseCause, Paused, Planned, StrokeOfPerson, TimelapseFrame
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
@@ -134,9 +133,9 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     whole = Together(world, tmp_path / "whole", pens)
     whole.paint()
     kinds = [type(event) for event in whole.heard]
-    painted = [event for event in whole.heard if isinstance(event, PersonStrokePainted)]
-    assert painted == [PersonStrokePainted(1, 4), PersonStrokePainted(2, 4)]
-    first = kinds.index(PersonStrokePainted)
+    painted = [event for event in whole.heard if isinstance(event, StrokeOfPerson)]
+    assert [(each.number, each.painted) for each in painted] == [(1, True), (2, True)]
+    first = kinds.index(StrokeOfPerson)
     assert TimelapseFrame in kinds[first : first + 2], "the canvas is shown after the stroke"
     assert Planned in kinds[first:], "the rest is planned again from what was seen"
     (turn,) = whole.turns
@@ -148,10 +147,10 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     history = PaintingState.of_journal(journal, tmp_path)
     assert history.finished and len(history.person) == 2 and history.person_in_doubt is None
     looked = [record["kind"] for record in journal]
-    assert "photographed" in looked[looked.index("paused") : looked.index("person_stroke_began")]
+    assert "canvas_picture" in looked[looked.index("paused") : looked.index("stroke_of_person")]
 
     def in_doubt(record: dict[str, Any]) -> bool:
-        return record["kind"] == "person_stroke_began" and record["number"] == 2
+        return record["kind"] == "stroke_of_person" and record["number"] == 2
 
     killed = Together(world, tmp_path / "killed", pens)
     kill_when(tmp_path / "killed/journal", in_doubt, killed.paint)
@@ -160,10 +159,10 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     assert begun is not None and begun.number == 2 and history.person_seen == 0
     session, studio = world.session(tmp_path / "killed", journal_again, history)
     before = studio.canvas.wet.copy()
-    session.person.finish(PersonStroke.of(begun.stroke))
+    session.person.finish(begun)
     canvas = studio.canvas.wet.tobytes()
     assert canvas != before.tobytes()
-    session.person.finish(PersonStroke.of(begun.stroke))
+    session.person.finish(begun)
     assert studio.canvas.wet.tobytes() == canvas, "it is not painted twice"
     kept = resuming.load_kept_plan(tmp_path / "killed", history)
     assert kept is not None
@@ -210,4 +209,4 @@ def test_what_cannot_be_painted_is_refused_before_anything_is_noted(world: Virtu
         Refused(world, tmp_path, [], after=2).paint()
     assert ["Well 8" in refusals[0], "'mop'" in refusals[1], "leaves the canvas" in refusals[2]] == [True] * 3
     kinds = {record["kind"] for record in EventLog.read(tmp_path / "journal")}
-    assert "person_stroke_began" not in kinds
+    assert "stroke_of_person" not in kinds

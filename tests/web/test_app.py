@@ -331,7 +331,7 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     start_painting(visitor, entry)
     (entry.folder.painting / "journal").unlink()
     journal = Journal.begin(entry.folder.painting, {}, {})
-    journal.show(Stopped(2))
+    journal.show(Stopped())
     for file in (entry.folder.stop, entry.folder.robot_stop):
         file.touch()
     # Earlier versions latched simulated robots as well; that holds no more.
@@ -419,7 +419,7 @@ def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
     first, second = begun(studio, visitor), begun(studio, visitor)
     assert started == [] and waiting(visitor) == [("Tea", "plan")] * 2 and stage(visitor, second) == "waiting"
     state = visitor.get(f"/api/paintings/{first.id}").json()
-    assert (state["queued"], state["plans"][0]["status"], state["trouble"]) == ("plan", "waiting", "")
+    assert (state["stage"], state["plans"][0]["status"], state["trouble"]) == ("waiting", "waiting", "")
     assert visitor.post(f"/api/paintings/{first.id}/plans", json=painting_request()).status_code == 409
     assert visitor.post(f"/api/queue/{second.id}/first").status_code == 200
     queue = visitor.get("/api/work").json()["queue"]
@@ -431,7 +431,7 @@ def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
     assert again.to_plain()["queue"] == [{key: each[key] for key in ("painting", "plan", "job")} for each in queue]
     studio.web.queue.advance()
     assert started == [("plan", 1)] * 2 and waiting(visitor) == []
-    assert visitor.get(f"/api/paintings/{first.id}").json()["queued"] == ""
+    assert visitor.get(f"/api/paintings/{first.id}").json()["stage"] != "waiting"
 
 
 def test_a_stop_holds_the_queue_until_a_person_lets_it_go_on(
@@ -636,7 +636,7 @@ def test_a_painting_of_the_terminal_is_watched_paused_and_stopped_and_nothing_el
     (studio.store.pictures / f"{PICTURE}.png").write_bytes(b"")
     assert visitor.post(f"{path}/plans", json=painting_request()).status_code == 409
     assert visitor.post("/api/stop").status_code == 200 and (folder / "stop").exists()
-    journal.show(Stopped(1))
+    journal.show(Stopped())
     journal.close()
     assert visitor.get(path).json()["stage"] == "stopped" and not visitor.get(path).json()["resumable"]
     assert visitor.post(f"{path}/delete").status_code != 200 and (folder / "journal").exists()

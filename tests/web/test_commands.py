@@ -13,7 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, PointCorners, Question
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import FEED, EventLog
-from frida_painter.session.events import Answered, Asked
+from frida_painter.session.events import Asked
 from frida_painter_studio import commands, painter
 from frida_painter_studio.commands import (
     END_MAKING,
@@ -207,7 +207,7 @@ def test_a_question_waits_for_its_answer_and_no_other(
     tell_worker(folder, Reply.model_validate({"question": shown["id"], **says}), "browser")
     waiting.join(20)
     assert found == [means]
-    assert FeedReader(folder.feed).read()[-1] == Answered()
+    assert FeedReader(folder.feed).read()[-1] == Asked(None)
 
 
 def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,7 +261,7 @@ def test_a_dialogue_that_no_page_follows_is_left_so_that_the_machine_is_free(
     with pytest.raises(Interrupted, match=r"No page was open for 10 minutes; what was done before is kept"):
         asker.answer(Confirm("Is it so?"))
     assert followed + MAX_ABSENCE <= clock.now <= followed + MAX_ABSENCE + 60
-    assert FeedReader(folder.feed).read()[-1] == Answered(), "nothing is asked any more"
+    assert FeedReader(folder.feed).read()[-1] == Asked(None), "nothing is asked any more"
 
 
 def test_a_question_of_a_painting_waits_for_days(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -188,7 +188,7 @@ def test_a_process_that_ended_without_a_word_is_told_with_its_remedy(job: type[J
     assert trouble(Truth(working=True)) == ""
     assert "without saying why. It may have been killed" in trouble() and trouble().endswith(f" {job.remedy}")
     assert "disk is full" in trouble(Truth(working=False, room=False))
-    state.hear(events.Failed("The disk is full."))
+    state.hear(events.Stopped("The disk is full."))
     assert trouble() == "The disk is full."
     state.hear(begun)
     state.hear(events.Stopped())
@@ -204,7 +204,7 @@ def test_a_calibration_tells_what_each_procedure_found() -> None:
         *(events.ResultFound("status", each["name"], detail={"easel": "e", **each}) for each in stands),
         events.Began("procedure", "canvas"),
         events.Asked(QUESTION),
-        events.Answered(),
+        events.Asked(None),
         events.ResultFound("procedure", "canvas", detail={"sentence": "It is there.", "picture": "found-canvas.png"}),
         events.Began("procedure", "robot"),
         events.Advanced("dot 3"),
@@ -217,7 +217,7 @@ def test_a_calibration_tells_what_each_procedure_found() -> None:
     told = canvas["status"], canvas["sentence"], robot["status"], robot["fault"]
     assert told == ("done", "It is there.", "busy", "f")
     assert shown["progress"] == "dot 3" and shown["question"] is None
-    state.hear(events.Failed("The light is off."))
+    state.hear(events.Stopped("The light is off."))
     ended = state.to_plain(Truth(working=False))
     assert [each["status"] for each in ended["procedures"][:2]] == ["done", "failed"]
     assert ended["trouble"] == "The light is off."

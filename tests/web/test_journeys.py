@@ -362,7 +362,8 @@ def test_a_person_paints_asks_for_a_boat_and_what_they_painted_outlives_a_killed
     laid = [
         entry["stroke"] for entry in EventLog.read(folder / "painting/studio.diary") if entry.get("did") == "person"
     ]
-    assert laid == [entry["stroke"] for entry in journal if entry["kind"] == "person_stroke_began"]
+    begun = [entry for entry in journal if entry["kind"] == "stroke_of_person" and not entry["painted"]]
+    assert laid == [entry["stroke"] for entry in begun]
     assert [(each["number"], each["brush"], each["paint"]) for each in laid][1:] == [(2, "fine", 1)]
     (change,) = json.loads((folder / "painting/result.json").read_text())["goal_changes"]
     assert "“add a boat” by command" in change["goal"][0] and 0 < change["strokes"] < 8
@@ -832,7 +833,7 @@ def test_what_happens_elsewhere_is_seen_queued_told_and_stopped_from_the_gallery
 def test_a_role_sees_what_it_is_and_no_form_that_it_may_not_use(browser: Browser, studio: Served, role: str) -> None:
     plan = {"Make another plan", "Plan with these changes", "New painting"}
     hidden = {"watch": plan | {"Use plan 1", "Calibrate"}, "plan": {"Use plan 1", "Calibrate"}, "operate": set[str]()}
-    painting, stopped = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED, Stopped(3))
+    painting, stopped = Told(studio, *PLANNED), Told(studio, *PLANNED, *PAINTED, Stopped())
     context = browser.new_context(viewport={"width": 390 if role == "plan" else 1440, "height": 850})
     context.route("**/api/studio", lambda route: route.fulfill(json={**route.fetch().json(), "role": role}))
     page = context.new_page()

@@ -462,8 +462,8 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
     session.hand.easel = replace(session.hand.easel, person_brushes=())
     controller.opened = lambda: session
     assert session.run(STROKES, 3).painted == STROKES
-    (shown,) = [event for event in told if isinstance(event, events.PersonPaintShown)]
-    assert (folder.live / shown.picture).is_file() and 0 < shown.share < 0.1
+    (shown,) = [event for event in told if isinstance(event, events.ResultFound)]
+    assert shown.what == "found" and (folder.live / shown.name).is_file()
     regions = [event for event in told if isinstance(event, events.RegionProtected)]
     (remark,) = [event.sentence for event in told if isinstance(event, events.Remark)]
     (question,) = asked

@@ -102,7 +102,7 @@ def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path:
     now = second.session.look()
     where = ResumeState(kept.plan, state.painted, kept.planning.done, None, now)
     assert second.session.resume(where).painted == STROKES
-    for event in (events.Finishing(), events.ResultFound("results", detail={"film": False})):
+    for event in (events.Began("results"), events.ResultFound("results", detail={"film": False})):
         second._hear(event)
     journal.close()
 

@@ -7,30 +7,24 @@ from hypothesis import strategies as st
 
 from frida_painter.session.events import (
     Advanced,
-    Answered,
     Asked,
     Began,
     Dipped,
     Drying,
     Event,
-    Failed,
     Finished,
-    Finishing,
     Looked,
     PaintingBegun,
     PaintsWanted,
     Paused,
-    PersonPaintShown,
     Planned,
     PlanningStep,
-    Queued,
     Remark,
     ResultFound,
     SessionResumed,
     Stopped,
     StrokePainted,
     TimelapseFrame,
-    TouchCorrected,
     events_of,
 )
 from frida_painter_studio.painting_state import PaintingPage, Stage, Truth
@@ -42,8 +36,8 @@ PLANNED: list[Event] = [
     Began("plan", plan=1, detail={"strokes": 4}), Advanced("", 0.5, 3.0), Advanced(picture="growing-0000.jpg"),
     ResultFound("plan", plan=1, detail=MADE),
 ]  # fmt: skip
-PAINT, AGAIN = Began("paint", plan=1, detail={"of": 4}), Began("plan", plan=2)
-RESUME = Began("resume", plan=1, detail={"of": 4, "sittings": 1})
+PAINT, AGAIN = Began("paint", plan=1), Began("plan", plan=2)
+RESUME = Began("resume", plan=1, detail={"sittings": 1})
 PAINTED: list[Event] = [
     PaintingBegun({}, {}), PaintsWanted(("#ffffff",)), Dipped(2), StrokePainted(1, 4),
     TimelapseFrame(1, 4, (0.0, 0.0, 0.0), "sketchbook/glimpse-000001.jpg"), Looked(2, LOOK),
@@ -51,7 +45,7 @@ PAINTED: list[Event] = [
     Planned(2, 2, 0.4, 0.3, None, "d.jpg", {**MADE, "prefix": "plan-2-"}), StrokePainted(3, 4),
 ]  # fmt: skip
 KEPT = ResultFound("results", detail={"film": True, "arm": False})
-STOPPED, FAILED, QUEUED = Stopped(3), Failed("The robot is gone."), Queued(1, "plan")
+STOPPED, FAILED = Stopped(), Stopped("The robot is gone.")
 
 
 def told(*feed: Event, journal: list[Event] | tuple[Event, ...] = ()) -> PaintingPage:
@@ -68,7 +62,7 @@ def test_a_plan_grows_until_it_is_ready() -> None:
     assert (growing["status"], growing["share"], growing["growing"]) == ("planning", 0.5, "growing-0000.jpg")
     ready = told(*PLANNED).to_plain(AT_REST)
     assert ready["plans"][0]["status"] == "ready" and ready["plans"][0]["made"]["frames"] == [0, 2, 4]
-    assert (ready["plans"][0]["nearer"], ready["trouble"], ready["painting"]) == (0.8, "", None)
+    assert (ready["plans"][0]["made"]["nearer"], ready["trouble"], ready["painting"]) == (0.8, "", None)
 
 
 def test_waits_are_told_in_words() -> None:
@@ -89,9 +83,9 @@ def test_a_painting_is_followed_stroke_by_stroke() -> None:
     assert (painting["plan"], painting["dips"], painting["kept"], painting["photograph"]) == (1, {2: 1}, False, "a.jpg")
     planning = told(*PLANNED, PAINT, journal=PAINTED[:7]).to_plain(AT_WORK)["painting"]
     assert (planning["status"], planning["growing"]) == ("planning", "growing-0001.jpg")
-    page.hear_painting(Drying(3, 1200.0, 660.0))
-    page.hear_painting(TouchCorrected("fine", 0.0008, 2))
-    page.hear_painting(PersonPaintShown("found.jpg", 0.1))
+    page.hear_painting(Drying(3, 660.0))
+    page.hear_painting(Remark("0.8 mm lower", "touch", "fine"))
+    page.hear_painting(ResultFound("found", "found.jpg"))
     drying = page.to_plain(AT_WORK)["painting"]
     assert (drying["status"], drying["dries"], drying["looks"][-1]["found"]) == ("drying", 660.0, "found.jpg")
     assert "0.8 mm lower" in drying["looks"][-1]["touch"][0]
@@ -104,14 +98,14 @@ def test_a_question_is_open_until_it_is_answered_or_nobody_asks_any_more() -> No
     asked = Asked({"id": "a", "kind": "confirm"})
     assert told(*PLANNED, PAINT, asked).to_plain(AT_WORK)["question"] == asked.question
     assert told(*PLANNED, PAINT, asked).to_plain(AT_REST)["question"] is None
-    assert told(*PLANNED, PAINT, asked, Answered()).to_plain(AT_WORK)["question"] is None
+    assert told(*PLANNED, PAINT, asked, Asked(None)).to_plain(AT_WORK)["question"] is None
 
 
 def test_no_path_is_shown() -> None:
     page = told(PAINT)
     page.place = "/studio/cup"
     sentences = "Look at /studio/cup/painting.", "Look at its folder/painting."
-    for event in (PAINTED[0], Paused(sentences[0]), Remark(sentences[0]), Failed(sentences[0])):
+    for event in (PAINTED[0], Paused(sentences[0]), Remark(sentences[0]), Stopped(sentences[0])):
         page.hear_painting(event)
     shown = page.to_plain(AT_WORK)
     assert {shown["trouble"], shown["painting"]["reason"], shown["painting"]["remark"]} == {sentences[1]}
@@ -127,11 +121,9 @@ STATUSES: list[tuple[list[Event], list[Event], Truth, str, bool, str]] = [
     ([*PLANNED[:2], STOPPED], [], AT_WORK, "plan stopped", False, ""),
     ([*PLANNED[:2], STOPPED], [], AT_REST, "plan stopped", False, ""),
     ([*PLANNED[:2], FAILED], [], AT_REST, "plan failed", False, "robot is gone"),
-    ([PLANNED[0], QUEUED], [], AT_REST, "waiting", False, ""),
-    ([PLANNED[0], QUEUED, Queued(1, "begun")], [], AT_WORK, "planning", False, ""),
-    ([PLANNED[0], QUEUED, Queued(1, "removed")], [], AT_REST, "plan stopped", False, ""),
+    ([PLANNED[0]], [], Truth(working=False, queued="plan"), "waiting", False, ""),
     (PLANNED, [], AT_REST, "planned", False, ""),
-    ([*PLANNED, Queued(1, "paint")], [], AT_REST, "queued", False, ""),
+    (PLANNED, [], Truth(working=False, queued="paint"), "queued", False, ""),
     ([*PLANNED, AGAIN], [], AT_WORK, "planning", False, ""),
     ([*PLANNED, AGAIN], [], AT_REST, "planned", False, "planner's process ended"),
     ([*PLANNED, AGAIN, STOPPED], [], AT_REST, "planned", False, ""),
@@ -144,13 +136,13 @@ STATUSES: list[tuple[list[Event], list[Event], Truth, str, bool, str]] = [
     ([*PLANNED, PAINT], PAINTED, Truth(working=False, room=False), "failed", True, "disk is full"),
     ([*PLANNED, PAINT], ENDED, AT_WORK, "stopped", False, ""),
     ([*PLANNED, PAINT], ENDED, AT_REST, "stopped", True, ""),
-    ([*PLANNED, PAINT], [*ENDED, Finishing()], AT_WORK, "finishing", False, ""),
-    ([*PLANNED, PAINT], [*ENDED, Finishing(), KEPT], AT_REST, "stopped", True, ""),
+    ([*PLANNED, PAINT], [*ENDED, Began("results")], AT_WORK, "finishing", False, ""),
+    ([*PLANNED, PAINT], [*ENDED, Began("results"), KEPT], AT_REST, "stopped", True, ""),
     ([*PLANNED, PAINT], [*PAINTED, FAILED], AT_REST, "failed", True, "robot is gone"),
     ([*PLANNED, PAINT, FAILED], PAINTED, AT_REST, "failed", True, "robot is gone"),
     ([*PLANNED, PAINT, RESUME], [*PAINTED, FAILED], AT_WORK, "preparing", False, ""),
     ([*PLANNED, PAINT, RESUME], [*PAINTED, FAILED], AT_REST, "failed", True, "painter's process ended"),
-    ([*PLANNED, PAINT, RESUME, Failed("No.")], ENDED, AT_REST, "failed", True, "No."),
+    ([*PLANNED, PAINT, RESUME, Stopped("No.")], ENDED, AT_REST, "failed", True, "No."),
     ([*PLANNED, PAINT, RESUME], [*ENDED, SessionResumed(3)], AT_WORK, "preparing", False, ""),
     ([*PLANNED, PAINT, RESUME], [*ENDED, SessionResumed(3), KEPT], AT_REST, "finished", False, ""),
     ([*PLANNED, PAINT], [*PAINTED, KEPT], AT_REST, "finished", False, ""),
@@ -180,7 +172,7 @@ def test_every_stage_is_tested() -> None:
 
 
 BUSY = {"planning", "preparing", "mixing", "painting", "drying", "replanning", "paused", "finishing"}
-OF_FEED = [*PLANNED, PAINT, RESUME, STOPPED, FAILED, QUEUED, AGAIN]
+OF_FEED = [*PLANNED, PAINT, RESUME, STOPPED, FAILED, AGAIN]
 
 
 @given(st.lists(st.sampled_from(OF_FEED), max_size=8), st.lists(st.sampled_from([*PAINTED, STOPPED, FAILED, KEPT])))
@@ -216,7 +208,7 @@ json_values = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=5,
 )
-kinds = st.sampled_from(["began", "advanced", "result_found", "queued", "failed", "stopped", "planned", "?"])
+kinds = st.sampled_from(["began", "advanced", "result_found", "stopped", "planned", "?"])
 keys = st.sampled_from(["what", "plan", "done", "of", "share", "picture", "detail", "sentence", "strokes", "left"])
 whats = st.sampled_from(["plan", "paint", "resume", "results"])
 

@@ -19,20 +19,20 @@ from PIL import Image, ImageDraw
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
 from browsing import WITH_CHROMIUM, complaints, require_stop_on_top
+from frida_painter import storage
 from frida_painter.report.painters import Painters
 from frida_painter.session.events import (
     Advanced,
     Began,
     Drying,
     Event,
-    Failed,
     PaintsWanted,
-    Queued,
     ResultFound,
     Stopped,
     Turns,
 )
 from frida_painter_studio.painting_state import Stage
+from frida_painter_studio.workers import QUEUE
 from served import Served, opened_studio
 from support.told import (
     BEGUN,
@@ -58,15 +58,15 @@ SHEETS = ROOT / "docs/lab/views"
 
 REQUESTED = PLANNED[0]
 GROWING: list[Event] = [Advanced("", 0.4, 21.0), Advanced(picture="after-40.jpg")]
-STOPPED, TROUBLE = Stopped(3), Failed("The serial line /dev/ttyUSB0 is gone (no such device); look at its cable.")
-DRYING = Drying(3, 900.0, 600.0)
+STOPPED, TROUBLE = Stopped(), Stopped("The serial line /dev/ttyUSB0 is gone (no such device); look at its cable.")
+DRYING = Drying(3, 600.0)
 STATES: dict[Stage, tuple[list[Event], bool]] = {  # its events, and if a process is at work
-    "waiting": ([REQUESTED, Queued(1, "plan")], False),
+    "waiting": ([REQUESTED], False),
     "planning": ([REQUESTED, *GROWING], True),
     "plan stopped": ([REQUESTED, *GROWING, STOPPED], False),
-    "plan failed": ([REQUESTED, Failed("The disk is full; make room on it.")], False),
+    "plan failed": ([REQUESTED, Stopped("The disk is full; make room on it.")], False),
     "planned": ([*PLANNED], False),
-    "queued": ([*PLANNED, Queued(1, "paint")], False),
+    "queued": ([*PLANNED], False),
     "preparing": ([*PLANNED, *BEGUN], True),
     "mixing": ([*PLANNED, *BEGUN, PaintsWanted(("#c06030",))], True),
     "painting": ([*PLANNED, *PAINTED], True),
@@ -148,7 +148,18 @@ def paintings(studio: Served) -> Iterator[dict[str, Told]]:
                 keep_painters(told[stage].folder.painting, canvas)
             stack.enter_context(told[stage].at_work() if works else nullcontext())
         shutil.rmtree(told["lost"].folder.path)
+        keep_queue(studio, told)
         yield told
+
+
+def keep_queue(studio: Served, told: dict[str, Told]) -> None:
+    """Writes the queue, held by a stop, and starts the studio again: it finds the paintings that wait."""
+    jobs = {"waiting": "plan", "queued": "paint"}
+    (studio.folder / QUEUE).mkdir()
+    (studio.folder / QUEUE / "stop").touch()
+    waiting = [{"painting": told[stage].id, "plan": 1, "job": job} for stage, job in jobs.items()]
+    storage.write_json(studio.folder / QUEUE / "queue.json", {"entries": waiting})
+    studio.fall_over_and_be_started_again()
 
 
 def keep_painters(folder: Path, canvas: Image.Image) -> None:

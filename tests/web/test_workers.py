@@ -18,7 +18,7 @@ from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.workcell import example
 from frida_painter.messages import pack, unpack
 from frida_painter.runs.painting_easel import order
-from frida_painter.session.events import Failed
+from frida_painter.session.events import Stopped
 from frida_painter_studio import worker_process
 from frida_painter_studio.painter import Asker
 from frida_painter_studio.stop import StopWatch
@@ -107,7 +107,7 @@ def test_the_page_is_told_whose_part_failed(
     easel = WebAppEasel(tmp_path / "record.json")
     with (tmp_path / "lock").open("wb") as lock, pytest.raises(ValueError, match="no goal"):
         worker_process.do_job.function("paint", folder.path, 1, lock, easel)
-    (told,) = [event for event in FeedReader(folder.feed).read() if isinstance(event, Failed)]
+    (told,) = [event for event in FeedReader(folder.feed).read() if isinstance(event, Stopped)]
     assert re.match(says, told.reason)
     assert "Traceback" in capsys.readouterr().err, "the log has the whole of it"
 

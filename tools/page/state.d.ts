@@ -14,10 +14,10 @@ interface Control {
 } // form.py
 interface Paint { number: number; hex: string; strokes: number; share: number }
 interface Mixture { recipe: string; millilitres: number; near: boolean }
-interface Made { prefix: string; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; mixing?: Record<string, string>; seconds: number }
+interface Made { prefix: string; nearer: number; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; mixing?: Record<string, string>; seconds: number }
 interface PlanState {
   number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null; said: string;
-  growing: string | null; nearer: number; made: Made | null;
+  growing: string | null; made: Made | null;
 }
 interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; touch?: string[]; plan?: string; found?: string }
 interface Game { minutes: number; policy: string; keep: "welcome" | "protect" }
@@ -25,13 +25,13 @@ interface PersonBrush { name: string; light: number; hard: number }
 interface PaintState {
   plan: number; of: number; status: string; done: number; left: number | null; said: string; dries: number; photograph: string | null; growing: string | null;
   brush: string; paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
-  replanned: (Omit<Made, "mixtures" | "seconds"> & { done: number }) | null; held: boolean; cause: "person" | "button" | "turn" | "trouble" | null; turns: number; game: Game;
+  replanned: (Omit<Made, "nearer" | "mixtures" | "seconds"> & { done: number }) | null; held: boolean; cause: "person" | "button" | "turn" | "trouble" | null; turns: number; game: Game;
   region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; making: string | null; proposed: Making | null; person: { brushes: PersonBrush[]; wells: string[]; strokes: number } | null; film: boolean; arm: boolean; kept: boolean; painters: boolean;
 }
 interface State {
   stage: "waiting" | "planning" | "plan stopped" | "plan failed" | "planned" | "queued" | "preparing" | "mixing" | "painting" | "drying" | "replanning"
     | "paused" | "finishing" | "finished" | "stopped" | "failed" | "lost";
-  resumable: boolean; version: number; working: boolean; stopped: boolean; queued: "" | "plan" | "paint"; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
+  resumable: boolean; version: number; working: boolean; stopped: boolean; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
 }
 type Command = { kind: "pause" | "go on" | "finish" | "look" | "free" } | { kind: "leave out"; count: number } | { kind: "turns"; count: number; minutes?: number; policy?: string; keep?: string }
   | { kind: "propose"; words: string; maker: string } | { kind: "end making" } | { kind: "protect"; picture: string; only: boolean } | { kind: "picture"; picture: string } | { kind: "goal"; request: Wish }

@@ -212,7 +212,7 @@ def resume(
     from frida_painter.errors import Interrupted
     from frida_painter.runs.painting_folder import NOW, are_there, history_of
     from frida_painter.runs.run import PaintingRun
-    from frida_painter.session.events import Resumed
+    from frida_painter.session.events import SessionResumed
 
     if (history := history_of(folder)).finished:
         if are_there(folder, history.painted):
@@ -241,7 +241,7 @@ def resume(
         )
         found = "as it was found" if run.spec.has_camera else "as it should be"
         at = f"The canvas {found}: {run.folder / NOW}"
-        run.listeners.append(lambda event: say(at) if isinstance(event, Resumed) else None)
+        run.listeners.append(lambda event: say(at) if isinstance(event, SessionResumed) else None)
         outcome = run.resume()
     leader.conclude(outcome)
 

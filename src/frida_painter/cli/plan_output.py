@@ -28,8 +28,8 @@ from frida_painter.plan import Plan
 from frida_painter.render.painting import render_plan
 from frida_painter.report.sheets import offending_strokes
 from frida_painter.runs.painting_folder import spec_beside
-from frida_painter.session.choreography import Action, BrushLoad, Choreography, reckon
-from frida_painter.session.events import DRYING, Dipped, StrokePainted, Timetable
+from frida_painter.session.choreography import DRYING, Action, BrushLoad, Choreography, Timetable, reckon
+from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.hand import choreography_at
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import load_record

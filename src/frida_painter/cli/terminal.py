@@ -10,7 +10,6 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-import torch
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -39,14 +38,12 @@ from frida_painter.easel.dialogue import (
     SetupQuestion,
 )
 from frida_painter.errors import Interrupted
-from frida_painter.palette import to_hex
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.session.events import (
+    Began,
     Drying,
     Event,
-    Finishing,
-    GroundWanted,
     LayerBegun,
     Looked,
     PaintsWanted,
@@ -54,11 +51,10 @@ from frida_painter.session.events import (
     Planned,
     PlanningStep,
     Remark,
-    Resumed,
     Scheduled,
+    SessionResumed,
     StrokeLeftOut,
     StrokePainted,
-    TouchCorrected,
 )
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.time_left import PlanTime, duration, share_of_plan
@@ -104,7 +100,7 @@ class PaintingLine(Line):
             self._bar.stop()
         elif not self._is_aside:
             self._bar.start()
-        if isinstance(event, TouchCorrected | Remark):
+        if isinstance(event, Remark) and event.about != "last look":  # which is told at the end
             self._bar.console.print(event.sentence, markup=False)
         state = self._state()
         passed, left = state.seconds, state.time.remaining
@@ -162,10 +158,10 @@ def _words(event: Event, pace: float) -> str:
             return f"planning the rest again {100 * iteration // of:3d} %"
         case Planned(similarity=(expected, least, most)):
             return f"planned: {SimilarityForecast(expected, least, most)}"
-        case Scheduled(timetable, 0):
-            return f"the robot will take {duration(timetable.total - (1 - min(pace, 1)) * timetable.drying)}"
-        case GroundWanted(color):
-            return f"toning the canvas in {to_hex(torch.tensor(color))}"
+        case Scheduled(0, seconds=float(seconds), drying=drying):
+            return f"the robot will take {duration(seconds - (1 - min(pace, 1)) * drying)}"
+        case PaintsWanted((color,), ground=True):
+            return f"toning the canvas in {color}"
         case PaintsWanted(colors):
             return f"mixing {len(colors)} paints"
         case StrokePainted(done, of) | StrokeLeftOut(done, of):
@@ -176,13 +172,13 @@ def _words(event: Event, pace: float) -> str:
             return f"layer {layer}, with the {brush} brush"
         case Looked():
             return "looking at the canvas"
-        case Resumed(done=done):
+        case SessionResumed(done):
             return f"going on after stroke {done}"
         case Paused(cause="button"):
             return "paused by the machine's button"
         case Paused():
             return "paused"
-        case Finishing():
+        case Began("results"):
             return "finishing the film and the page"
         case _:
             return ""

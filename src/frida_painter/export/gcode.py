@@ -14,8 +14,8 @@ from frida_painter.hardware.gcode import MAX_LINE, PREAMBLE, Gcode
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.palette import to_hex
 from frida_painter.plan import WHITE, Layer, Plan
-from frida_painter.session.choreography import Action
-from frida_painter.session.events import DRYING, Dipped, StrokePainted
+from frida_painter.session.choreography import DRYING, Action
+from frida_painter.session.events import Dipped, StrokePainted
 
 _SHOWN = 20  # characters of a brush's name on the machine's display
 _OBEYED = str.maketrans("!?~;()", "...,::")

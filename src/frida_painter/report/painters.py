@@ -32,10 +32,9 @@ from frida_painter.perception.frame_check import find_painted
 from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.session.events import (
+    CanvasPicture,
     Event,
-    PersonStrokeBegan,
-    PersonStrokePainted,
-    Photographed,
+    StrokeOfPerson,
     StrokePainted,
     events_of,
 )
@@ -148,20 +147,19 @@ class _Ledger:
         self._owner = np.zeros((grid.rows, grid.columns), np.int32)
         self._order: list[int] = []
         self._look: str | None = None
-        self._begun: dict[int, PersonStrokeBegan] = {}
-        self._unseen: list[PersonStrokeBegan] = []
+        self._painted: dict[int, StrokeOfPerson] = {}
+        self._unseen: list[StrokeOfPerson] = []
 
     def hear(self, event: Event) -> None:
         match event:
             case StrokePainted(done=done) if done <= len(self._plan):
                 self._owner[self._robot_mark(done)] = done
                 self._order.append(done)
-            case PersonStrokeBegan(number):
-                self._begun[number] = event
-            case PersonStrokePainted(number) if number in self._begun:
-                self._unseen.append(self._begun[number])
+            case StrokeOfPerson(number, painted=True):
+                self._painted[number] = event
+                self._unseen.append(event)
                 self._order.append(-number)
-            case Photographed(photograph=str(photograph)):
+            case CanvasPicture(str(photograph), by="camera"):
                 if self._unseen and self._look is not None:
                     self._enter_person(self._look, photograph)
                 self._unseen, self._look = [], photograph
@@ -179,7 +177,7 @@ class _Ledger:
         return Painters(self._owner, tuple(strokes))
 
     def _color(self, number: int) -> Tensor:
-        return self._plan.strokes.color[number - 1] if number > 0 else torch.tensor(self._begun[-number].color)
+        return self._plan.strokes.color[number - 1] if number > 0 else torch.tensor(self._painted[-number].color)
 
     def _robot_mark(self, done: int) -> NDArray[np.bool_]:
         ((kind, stroke),) = self._plan.part(slice(done - 1, done)).by_kind()

@@ -5,7 +5,7 @@ Facts and figures are those of `PaintingState`.
 
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -38,6 +38,7 @@ _write_table = Later("frida_painter.export.vector:table")
 _write_page = Later("frida_painter.report.page:write_page")
 
 _RESULT = "result.json"
+_FORECAST = ("expected_psnr_db", "least_psnr_db", "most_psnr_db")
 _DOWNLOADS = (
     Download("plan.json", "the plan, to render or export again (belongs with its .safetensors file)"),
     Download("strokes.svg", "the strokes in millimetres, one layer per paint"),
@@ -46,47 +47,54 @@ _DOWNLOADS = (
 )
 
 
-@dataclass
+@dataclass(frozen=True)
+class Description:
+    """Description of a painting for its report, from what was asked for.
+
+    target: goal picture [3, H, W]; None if there is none
+    facts, settings: for the page, as (label, value), and for the result
+    frames: expected number of the film's frames
+    has_camera: False if no camera looks at the canvas, so that the film shows what is expected
+    owned: paints for the recipes; None for six common acrylics
+    """
+
+    title: str
+    target: Tensor | None
+    facts: tuple[tuple[str, str], ...]
+    settings: dict[str, Any]
+    frames: int
+    has_camera: bool = True
+    owned: PaintSet | None = None
+
+
 class Recorder:
     """Recorder of one painting: writes pictures, film and results into `folder`. Used in a `with` block.
 
-    title, facts, settings: for the page and the result; a fact is (label, value)
-    target: goal picture [3, H, W]; None if there is none
     models: stroke models of the brushes, by name
-    timelapse_frames: expected number of the film's frames
     state: of the painting, with its earlier sittings
-    has_camera: False if no camera looks at the canvas, so that the film shows what is expected
-    watched: False if nobody photographed the finished canvas either
-    owned: paints for the recipes; None for six common acrylics
 
     Every file is either complete or absent. During the painting, pictures are left out if the disk is full.
     Raises StorageError if the page or the painting cannot be written.
     """
 
-    folder: Path
-    title: str
-    target: Tensor | None
-    facts: tuple[tuple[str, str], ...]
-    settings: dict[str, Any]
-    models: Mapping[str, StrokeModel]
-    timelapse_frames: int
-    state: PaintingState
-    has_camera: bool = True
-    watched: bool = True
-    owned: PaintSet | None = None
-    _plan: Plan | None = field(default=None, init=False)
-    _first_expected: Tensor | None = field(default=None, init=False)
-    _recipes: tuple[Recipe, ...] = field(default=(), init=False)
-    _left_out: int = field(default=0, init=False)
-    _filming: bool = field(default=True, init=False)
-    _in_hand: Future[None] | None = field(default=None, init=False)  # the timelapse frame in progress
+    def __init__(
+        self, folder: Path, described: Description, models: Mapping[str, StrokeModel], state: PaintingState
+    ) -> None:
+        self.folder, self.described, self.models, self.state = folder, described, models, state
+        self._watched = described.has_camera or state.is_pictured  # False if nobody saw the finished canvas
+        self._plan: Plan | None = None
+        self._first_expected: Tensor | None = None
+        self._recipes: tuple[Recipe, ...] = ()
+        self._left_out = 0
+        self._filming = True
+        self._in_hand: Future[None] | None = None  # the timelapse frame in progress
 
     def __enter__(self) -> Self:
-        self._sheets = RecipeSheets(self.folder, self.owned)
+        self._sheets = RecipeSheets(self.folder, self.described.owned)
         self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot goes on painting
-        self._film = FilmWriter(self.folder / "film.mp4", self.timelapse_frames)
-        if self.target is not None:
-            images.save(self.target, self.folder / "target.jpg")
+        self._film = FilmWriter(self.folder / "film.mp4", self.described.frames)
+        if self.described.target is not None:
+            images.save(self.described.target, self.folder / "target.jpg")
         return self
 
     def __exit__(
@@ -101,13 +109,12 @@ class Recorder:
             match event:
                 case events.Planned():
                     return self._keep_plan(event)
-                case events.Resumed():
-                    self._keep_on(event)
+                case events.SessionResumed(done, plan=Plan() as plan, expected=expected):
+                    self._keep_on(done, plan, expected)
                 case events.TimelapseFrame():
                     kept = replace(event, picture=keep_frame(self.folder, event.done, event.photograph))
-                    before, self._in_hand = self._in_hand, self._thread.submit(
-                        self._show, event.photograph, event.done / event.of, event.color
-                    )  # fmt: skip
+                    shown = event.photograph, event.done / event.of, event.color
+                    before, self._in_hand = self._in_hand, self._thread.submit(self._show, *shown)
                     if before is not None:
                         before.result()
                     return kept
@@ -158,26 +165,24 @@ class Recorder:
     def _keep_look(self, event: events.Looked) -> events.Looked:
         number = storage.next_number(self.folder, "look-")
         rows, columns = event.expected.shape[1:]
-        names = {
-            "seen": f"look-{number}-photograph.jpg",
-            **{part: f"look-{number}-{part}.jpg" for part in ("expected", "difference")},
-        }
+        files = {"seen": "photograph", "expected": "expected", "difference": "difference"}
+        names = {part: f"look-{number}-{file}.jpg" for part, file in files.items()}
         shown = difference(event.expected, images.fit(event.photograph, rows, columns))
         for name, picture in zip(names.values(), (event.photograph, event.expected, shown), strict=True):
             images.save(picture, self.folder / name)
         return replace(event, pictures=names)
 
-    def _keep_on(self, event: events.Resumed) -> None:
+    def _keep_on(self, done: int, plan: Plan, expected: Tensor | None) -> None:
         """Continues the film of an earlier sitting."""
-        self._plan = event.plan
-        self._sheets.renew(event.plan)
+        self._plan = plan
+        self._sheets.renew(plan)
         try:
             self._first_expected = images.load(self.folder / "plan.png")
         except ImageError:
-            self._first_expected = event.expected
-        for stroke, picture in kept_frames(self.folder, event.done):
-            red, green, blue = event.plan.strokes.color[stroke - 1].tolist()
-            self._show(picture, stroke / len(event.plan), (red, green, blue))
+            self._first_expected = expected
+        for stroke, picture in kept_frames(self.folder, done):
+            red, green, blue = plan.strokes.color[stroke - 1].tolist()
+            self._show(picture, stroke / len(plan), (red, green, blue))
 
     def _end_film(self) -> None:
         """Waits for the frame in progress, and closes the film."""
@@ -224,10 +229,11 @@ class Recorder:
     def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[PictureComparison, ...]:
         """Returns comparisons of plan, painting and, if there is one, target, at the plan's resolution."""
         rows, columns = first_expected.shape[1:]
-        target = None if self.target is None else images.fit(self.target, rows, columns)
+        given = self.described.target
+        target = None if given is None else images.fit(given, rows, columns)
         label = "The first plan against the photograph"
         planned = () if target is None else (compare(label, first_expected, target),)
-        if not self.watched:  # nobody knows how near the painting came
+        if not self._watched:  # nobody knows how near the painting came
             return planned
         painted = images.fit(photograph, rows, columns)
         against_plan = compare("The painting against the first plan", painted, first_expected)
@@ -239,12 +245,10 @@ class Recorder:
         state, painted, of, looks = self.state, painting.painted, len(plan), self._looks()
         count = count_of(of, "stroke") if painted == of else f"{painted} of {count_of(of, 'stroke')}"
         looked = f", {count_of(len(looks), 'look')} in between" if looks else ""
+        changes = ((count_of(each.done, "stroke"), "; ".join(each.facts)) for each in state.goals)
         facts = [
-            *self.facts,
-            *[
-                ("Goal changed", f"after {count_of(each.done, 'stroke')}: {'; '.join(each.facts)}")
-                for each in state.goals
-            ],
+            *self.described.facts,
+            *(("Goal changed", f"after {strokes}: {goal}") for strokes, goal in changes),
             *mixing_changes(plan).items(),
             ("Strokes", f"{painted} of {of}"),
         ]
@@ -252,7 +256,7 @@ class Recorder:
             when = f"after {done} strokes" if done else "by the first plan"
             facts.append((f"Similarity forecast {when}", str(SimilarityForecast(*one))))
         facts += [
-            ("Dips into paint", str(state.dips)),
+            ("Dips into paint", str(sum(state.dips.values()))),
             ("Brush cleaned", count_of(state.cleanings, "time")),
             ("Made in", f"{state.seconds:.0f} s"),
         ]
@@ -269,9 +273,9 @@ class Recorder:
             minutes = f"{painting.robot_seconds / 60:.1f} min, {state.expected_seconds / 60:.1f} expected"
             facts.append(("Robot's clock", minutes))
         return Story(
-            title=self.title,
+            title=self.described.title,
             summary=f"{count} in {count_of(len(plan.palette), 'paint')} on a canvas of {plan.canvas}{looked}.",
-            target=None if self.target is None else "target.jpg",
+            target=None if self.described.target is None else "target.jpg",
             plan="plan.png",
             painting="painting.png",
             film="film.mp4" if (self.folder / "film.mp4").exists() else None,
@@ -284,8 +288,8 @@ class Recorder:
             facts=tuple(facts),
             downloads=_DOWNLOADS,
             stopped=state.stopped,
-            watched=self.watched,
-            has_camera=self.has_camera,
+            watched=self._watched,
+            has_camera=self.described.has_camera,
             arm_film=ARM_FILM if (self.folder / ARM_FILM).exists() else None,
         )
 
@@ -296,14 +300,14 @@ class Recorder:
             {
                 "format": "frida-painter result",
                 "version": 1,
-                "title": self.title,
+                "title": self.described.title,
                 "stopped": state.stopped,
-                "photographed": self.watched,
-                "settings": self.settings,
+                "photographed": self._watched,
+                "settings": self.described.settings,
                 "goal_changes": [{"strokes": each.done, "goal": list(each.facts)} for each in state.goals],
                 "strokes_planned": len(plan),
                 "strokes_painted": painting.painted - len(state.given_up),
-                "dips": state.dips,
+                "dips": sum(state.dips.values()),
                 "cleanings": state.cleanings,
                 "seconds": round(state.seconds, 3),
                 "sittings": state.runs,
@@ -317,13 +321,8 @@ class Recorder:
                     for one in comparisons
                 ],
                 "forecasts": [
-                    {
-                        "strokes": done,
-                        "expected_psnr_db": round(expected, 3),
-                        "least_psnr_db": round(least, 3),
-                        "most_psnr_db": round(most, 3),
-                    }
-                    for done, (expected, least, most) in state.forecasts
+                    {"strokes": done, **{name: round(psnr, 3) for name, psnr in zip(_FORECAST, found, strict=True)}}
+                    for done, found in state.forecasts
                 ],
                 "looks": [
                     {"strokes": look.strokes, "loss_before": look.loss_before, "loss_after": look.loss_after}

@@ -1,6 +1,6 @@
 """Reopening of a painting: it is read from its folder, compared with its beginning, and taken up where it broke off."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -10,7 +10,6 @@ from frida_painter import images
 from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.errors import ConfigError, FrameRejected
 from frida_painter.event_log import missing
-from frida_painter.hardware.easel import PersonStroke
 from frida_painter.planning.placement import Placement
 from frida_painter.report.sheets import doubt
 from frida_painter.runs.painting_folder import (
@@ -25,6 +24,7 @@ from frida_painter.runs.painting_folder import (
 from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
 from frida_painter.session import resuming
 from frida_painter.session.controls import Controls
+from frida_painter.session.events import SessionResumed
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.loop import PaintingSession
@@ -56,18 +56,18 @@ class ReopenedPainting:
         """State from the journal, which goes on with it."""
         return self.journal.state
 
-    def take_up(self, session: PaintingSession, controls: Controls) -> ResumeState | None:
+    def take_up(self, session: PaintingSession, controls: Controls) -> tuple[ResumeState | None, SessionResumed]:
         """Recalls the brush, looks at the canvas, asks about the stroke in doubt, and notes that painting goes on.
 
-        Returns the state to resume from, None if the painting broke off before the first plan. Raises FrameRejected if
-        the canvas has changed, and nobody accepts that.
+        Returns the state to resume from, None if the painting broke off before the first plan, and the event that
+        tells of it. Raises FrameRejected if the canvas has changed, and nobody accepts that.
         """
         history, kept, sees = self.history, self.plan, session.hand.easel.has_camera
         if (bare := resuming.bare_photograph(self.folder)) is not None:
             session.observer.learn_good(bare, resuming.last_photograph(self.folder, history))
         resuming.recall_brush(session.hand, history, controls.answer)
         if (begun := history.person_in_doubt) is not None:
-            session.person.finish(PersonStroke.of(begun.stroke))
+            session.person.finish(begun)
         seen = history.person_seen  # the state goes on with the look
         unseen = len(history.person) > seen  # of a person who painted in the pause that broke off
         before, now = self._find_canvas(session, controls, unseen=unseen)
@@ -79,16 +79,18 @@ class ReopenedPainting:
             picture = doubt(kept.plan, number - 1, now, painted)
             images.save(picture, self.folder / NOW)
             repaint = controls.repaint(number, picture)
-        self.journal.record_resume(repaint=repaint)
+        resumed = self.journal.record_resume(repaint=repaint)
         if kept is None or now is None:
-            return None
+            return None, resumed
         if number is not None and not sees:  # the answer may have changed what is on the canvas
             before, now = self._expect_canvas(kept, session)
         elif any(stroke >= kept.planning.done for stroke in history.left_out) and sees:
             before = None  # a stroke that was given up is there, in part or not at all: only this look tells
         wet = history.wet(None if session.hand.easel.simulated else datetime.now(UTC))
         person = len(history.person), unseen, kept.planning.answers
-        return ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out, *person)
+        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out, *person)
+        expected = session.planner.expected(kept.plan.part(slice(history.painted, None)), now)
+        return where, replace(resumed, plan=kept.plan, expected=expected)
 
     def _find_canvas(
         self, session: PaintingSession, controls: Controls, *, unseen: bool

@@ -85,7 +85,6 @@ from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
 from frida_painter.session.progress import Painting
-from frida_painter.session.replan_policy import looks_on_the_way
 
 if TYPE_CHECKING:
     from frida_painter.runs.look_folder import GivenPicture
@@ -387,8 +386,10 @@ class PaintingRun:
         if self._easel is None:
             self.open_easel()
         recorder, session = self._recorder(), self._open_session(self.easel)
-        where = self._reopened.take_up(session, self.controls)
+        where, resumed = self._reopened.take_up(session, self.controls)
         self._stack.enter_context(recorder)
+        if where is not None:
+            self.report(resumed)
         return self._to_its_end(session, recorder, lambda: session.resume(where) if where else self._paint_all(session))
 
     def show_picture(self, canvas: AnyPicture) -> RunOutcome:
@@ -416,7 +417,7 @@ class PaintingRun:
         before = resuming.first_canvas(self.folder, state, *seen_by)
         with self._recorder() as recorder:
             expected = self.planner.expected(kept.plan, before)
-            recorder.hear(events.Resumed(state.painted, plan=kept.plan, expected=expected))
+            recorder.hear(events.SessionResumed(state.painted, plan=kept.plan, expected=expected))
             painting = Painting(canvas, state.painted, None, state.robot_seconds)
             if self._run_record is not None:
                 self._results = {"painting": hash_picture(canvas), **self._run_record.results}
@@ -443,7 +444,7 @@ class PaintingRun:
         """Keeps the pictures of an event, shows it in the journal, and tells the listeners."""
         if isinstance(event, events.TimelapseFrame | events.Looked):
             self._seen = event.photograph
-        elif isinstance(event, events.CanvasPicture):
+        elif isinstance(event, events.CanvasPicture):  # a live one, of a canvas that no camera sees
             self._seen = event.canvas
         for keep in self.keepers:
             event = keep(event)
@@ -492,11 +493,7 @@ class PaintingRun:
         )
         if self.session.open_loop is not None and self._folder is not None:
             self.session.open_loop.given = partial(_open_looks(self.folder).take, self.look_at_picture, self.report)
-        effort = planner.effort
-        known = 0 if spec.together else spec.strokes  # nobody knows how many a person will ask for
-        looks = tuple(looks_on_the_way(self.session.policy, known))
-        work = planner.iterations(spec.strokes), effort.settling + effort.replanning
-        self.report(events.WorkExpected(known, looks, *work))
+        self.session.expect(0 if spec.together else spec.strokes)  # nobody knows how many a person will ask for
         return self.session
 
     def look_at_picture(self, given: "GivenPicture") -> None:
@@ -518,9 +515,9 @@ class PaintingRun:
             trouble, painting = fault, session.so_far
             if painting is not None:
                 painting = replace(painting, photograph=painting.photograph if self._seen is None else self._seen)
-                self.report(events.Stopped(painting.painted))
+                self.report(events.Stopped())
         if painting is not None and painting.rest is not None:  # else there is no plan, and nothing to finish
-            self.report(events.Finishing())
+            self.report(events.Began("results"))
         with suppress(FridaError):  # its faults were reported before
             session.hand.easel.robot.close()  # ends a film of the robot
         page = None

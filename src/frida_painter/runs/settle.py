@@ -29,7 +29,7 @@ from frida_painter.planning.materials import Materials
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
-from frida_painter.report.recorder import Recorder
+from frida_painter.report.recorder import Description, Recorder
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_terms
 from frida_painter.runs.spec import RunSpec
@@ -201,19 +201,9 @@ def open_recorder(
         "remarks": list(encoders.remarks),
         **spec.record(),
     }
-    return Recorder(
-        folder,
-        spec.heading,
-        target,
-        facts,
-        settings,
-        planner.models,
-        spec.film_length,
-        state,
-        has_camera=spec.has_camera,
-        watched=spec.has_camera or state.is_pictured,
-        owned=paints_for_recipes(spec),
-    )
+    owned = paints_for_recipes(spec)
+    described = Description(spec.heading, target, facts, settings, spec.film_length, spec.has_camera, owned)
+    return Recorder(folder, described, planner.models, state)
 
 
 # Choice of the ground, if the description leaves it to the planner.

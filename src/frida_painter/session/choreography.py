@@ -19,8 +19,9 @@ from frida_painter.hardware.robot import Point, Waypoints
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter.palette import to_lab
 from frida_painter.plan import Plan
-from frida_painter.session.events import DRYING, Dipped, StrokePainted, Timetable
+from frida_painter.session.events import Dipped, StrokePainted
 
+_MILESTONES = 300
 _WASHINGS = 2  # rounds of rinse and wipe; the rest of one round shows only in a lighter paint
 
 
@@ -137,6 +138,65 @@ class Choreography:
 # Duration of painting, from lengths, speeds and accelerations, in seconds of the robot's clock.
 #
 # The time for planning and for filling the wells is not included.
+
+DRYING = 1200.0
+"""Default drying time in seconds between two layers.
+
+Winsor & Newton ("Understanding drying times for acrylic paints") give 10 to 20 minutes for thin films of Galeria
+and 20 to 30 for thin films of Professional Acrylic.
+"""
+
+
+@dataclass(frozen=True)
+class Timetable:
+    """Duration of painting, in seconds of the robot's clock.
+
+    strokes: on the canvas.
+    dips: paint from the wells.
+    washing: rinses and wipes.
+    changes: brushes at the rack.
+    travel: between all of these.
+    looks: trips to the home position and back.
+    drying: layers that dry before the next one.
+    after: seconds from the beginning until each stroke is painted.
+    dried: seconds of these in which a layer dries.
+    """
+
+    strokes: float = 0.0
+    dips: float = 0.0
+    washing: float = 0.0
+    changes: float = 0.0
+    travel: float = 0.0
+    looks: float = 0.0
+    drying: float = 0.0
+    after: tuple[float, ...] = ()
+    dried: tuple[float, ...] = ()
+
+    @property
+    def total(self) -> float:
+        """Total seconds."""
+        return self.strokes + self.dips + self.washing + self.changes + self.travel + self.looks + self.drying
+
+    @property
+    def milestones(self) -> tuple[tuple[int, float, float], ...]:
+        """Numbers of at most some hundred strokes with their seconds in `after` and `dried`.
+
+        They include the strokes before and after a drying, so that the seconds of those in between grow evenly.
+        """
+        count = len(self.after)
+        dry = (number for number in range(1, count) if self.dried[number] != self.dried[number - 1])
+        every = -(-count // _MILESTONES) or 1
+        numbers = {1, *range(every, count, every), count, *(near for number in dry for near in (number, number + 1))}
+        return tuple(
+            (number, round(self.after[number - 1], 2), round(self.dried[number - 1], 2))
+            for number in sorted(numbers) if number <= count
+        )  # fmt: skip
+
+    def after_drying(self, seconds: float) -> "Timetable":
+        """Returns the timetable with this drying time before everything else."""
+        after, dried = (tuple(seconds + done for done in each) for each in (self.after, self.dried))
+        return replace(self, drying=self.drying + seconds, after=after, dried=dried)
+
 
 _PHOTOGRAPH = 0.1  # seconds that the arm waits for a photograph
 _HOME_RISE = 0.1  # metres above the rag, if a workspace has no home

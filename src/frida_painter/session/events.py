@@ -31,10 +31,9 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from frida_painter.plan import Plan
-    from frida_painter.planning.forecast import SimilarityForecast
     from frida_painter.strokes import Strokes
 else:  # the web process reads events, and loads neither torch nor the planner
-    Tensor = Plan = SimilarityForecast = Strokes = Any  # live fields are never read from a record
+    Tensor = Plan = Strokes = Any  # live fields are never read from a record
 
 
 @dataclass_transform(frozen_default=True)
@@ -62,52 +61,6 @@ def live() -> Any:
     return field(default=None, metadata={"live": True}, repr=False)
 
 
-# Duration of painting at the robot: its parts, and the time at which each stroke is done.
-
-DRYING = 1200.0
-"""Default drying time in seconds between two layers.
-
-Winsor & Newton ("Understanding drying times for acrylic paints") give 10 to 20 minutes for thin films of Galeria
-and 20 to 30 for thin films of Professional Acrylic.
-"""
-
-
-@dataclass(frozen=True)
-class Timetable:
-    """Duration of painting, in seconds of the robot's clock.
-
-    strokes: on the canvas.
-    dips: paint from the wells.
-    washing: rinses and wipes.
-    changes: brushes at the rack.
-    travel: between all of these.
-    looks: trips to the home position and back.
-    drying: layers that dry before the next one.
-    after: seconds from the beginning until each stroke is painted.
-    dried: seconds of these in which a layer dries.
-    """
-
-    strokes: float = 0.0
-    dips: float = 0.0
-    washing: float = 0.0
-    changes: float = 0.0
-    travel: float = 0.0
-    looks: float = 0.0
-    drying: float = 0.0
-    after: tuple[float, ...] = ()
-    dried: tuple[float, ...] = ()
-
-    @property
-    def total(self) -> float:
-        """Total seconds."""
-        return self.strokes + self.dips + self.washing + self.changes + self.travel + self.looks + self.drying
-
-    def after_drying(self, seconds: float) -> Timetable:
-        """Returns the timetable with this drying time before everything else."""
-        after, dried = (tuple(seconds + done for done in each) for each in (self.after, self.dried))
-        return replace(self, drying=self.drying + seconds, after=after, dried=dried)
-
-
 class Unknown(Event):
     """Entry of a newer program, of an unknown kind or with a field that is unknown in the event after it."""
 
@@ -117,7 +70,9 @@ class Unknown(Event):
 
 
 class Began(Event):
-    """A job or a step of one has begun: "plan", "paint", "resume", "calibration", "procedure", "setup" and others.
+    """A job or a step of one has begun: "plan", "paint", "resume", "results", "calibration", "procedure" and others.
+
+    "results": the robot no longer moves; film, page and exports of a painting are being made.
 
     name: of the step.
     plan: number of the plan that it is about, 0 for none.
@@ -140,7 +95,10 @@ class Advanced(Event):
 
 
 class ResultFound(Event):
-    """Result of a job or a step: "plan", "procedure", "status", "machine", "family", "results" and others."""
+    """Result of a job or a step: "plan", "procedure", "status", "machine", "family", "results" and others.
+
+    "found": a person painted with a real brush; picture `name` shows the canvas with a line around it.
+    """
 
     what: str
     name: str = ""
@@ -148,42 +106,33 @@ class ResultFound(Event):
     detail: dict[str, Any] = field(default_factory=dict)
 
 
-class Queued(Event):
-    """Plan number `plan` waits for other jobs, to be made ("plan") or to be painted ("paint"), or no longer waits.
-
-    job: "begun" or "removed" if it no longer waits.
-    """
-
-    plan: int
-    job: Literal["plan", "paint", "begun", "removed"]
-
-
 class Asked(Event):
-    """Question to a person, in the form of frida_painter_studio/painter.py."""
+    """Question to a person, in the form of frida_painter_studio/painter.py; None after the answer."""
 
-    question: dict[str, Any]
-
-
-class Answered(Event):
-    """A person answered the question."""
+    question: dict[str, Any] | None
 
 
 class Remark(Event):
-    """Sentence for a person, such as the reason why a request could not be done as asked."""
+    """Sentence for a person, such as the reason why a request could not be done as asked.
+
+    about: "touch" if `brush` is sent lower or higher from now on, "last look" if the last photograph may not show the
+    finished canvas well, else "".
+    """
 
     sentence: str
+    about: Literal["", "touch", "last look"] = ""
+    brush: str = ""
 
 
 class Stopped(Event):
-    """A person stopped; `done` strokes are on the canvas, None if nothing was being painted."""
+    """Work ended before its end: a person stopped it or gave it up, or it failed; `reason` is then a sentence."""
 
-    done: int | None = None
+    reason: str = ""
 
-
-class Failed(Event):
-    """The work failed; `reason` is a sentence."""
-
-    reason: str
+    @property
+    def how(self) -> Literal["stopped", "failed"]:
+        """How the work ended."""
+        return "failed" if self.reason else "stopped"
 
 
 # Sittings of a painting, its plans and its time.
@@ -209,6 +158,8 @@ class SessionResumed(Durable):
     in_doubt: stroke that was begun but may not be painted, or None.
     decision: "repaint" or "skip" for that stroke.
     by, process, program: painter, process number and program version.
+    plan: of all strokes; None if there was none yet.
+    expected [3, H, W]: canvas after the plan, as far as it is known before the next look.
     """
 
     done: int
@@ -217,31 +168,33 @@ class SessionResumed(Durable):
     by: str = ""
     process: int = 0
     program: str = ""
+    plan: Plan | None = live()
+    expected: Tensor | None = live()
 
 
-class WorkExpected(Event):
-    """Work that a sitting expects, before it is measured.
+class Scheduled(Event):
+    """Work that is left after `done` strokes, before it is measured: told when a sitting begins, and for each new plan.
 
-    strokes: of the painting.
+    strokes: of the painting; 0 if nobody knows how many a person will ask for.
     looks: numbers of painted strokes at the looks on the way.
-    planning, replanning: iterations of the plan, and of a replan at a look.
-    """
-
-    strokes: int
-    looks: tuple[int, ...]
-    planning: int
-    replanning: int
-
-
-class Resumed(Event):
-    """A painting goes on with a plan of all its strokes; `done` of them are on the canvas.
-
-    expected [3, H, W]: canvas after the plan, as far as it is known before the next look.
+    replanning: iterations of a replan at a look.
+    planning: iterations of the first plan, if it is not made yet.
+    seconds: of the robot's clock for the rest; None if it is not planned yet.
+    drying: seconds of these in which layers dry.
+    after: numbers of strokes of the rest with the seconds until they are painted, and those of these in which a layer
+    dries; the seconds of strokes between two of them grow evenly.
+    pace: seconds that people wait per second of drying: 1 at a real easel, 0 in a studio that need not wait.
     """
 
     done: int
-    plan: Plan = live()
-    expected: Tensor = live()
+    strokes: int
+    looks: tuple[int, ...] = ()
+    replanning: int = 0
+    planning: int = 0
+    seconds: float | None = None
+    drying: float = 0.0
+    after: tuple[tuple[int, float, float], ...] = ()
+    pace: float = 1.0
 
 
 class PlanningStep(Event):
@@ -302,7 +255,6 @@ class Planned(Event):
     shown: dict[str, Any] = field(default_factory=dict)
     plan: Plan = live()
     expected: Tensor = live()
-    forecast: SimilarityForecast | None = live()
 
     @property
     def gain(self) -> float:
@@ -310,42 +262,27 @@ class Planned(Event):
         return 1 - self.loss_after / self.loss_before if self.loss_before > 0 else 0.0
 
 
-class Scheduled(Event):
-    """Time that the robot takes for the remaining strokes after `done`; reported whenever the plan changes.
-
-    pace: seconds that people wait per second of drying: 1 at a real easel, 0 in a studio that need not wait.
-    """
-
-    timetable: Timetable
-    done: int
-    pace: float = 1.0
-
-
 # Work of the robot and of the people who help it.
 
 
-class GroundWanted(Event):
-    """The canvas is bare; painting begins after a person has toned it in this colour, sRGB."""
-
-    color: tuple[float, float, float]
-
-
 class PaintsWanted(Event):
-    """Paints of the next strokes ("#rrggbb"); painting continues after a person has filled their wells."""
+    """Paints of the next strokes ("#rrggbb"); painting continues after a person has filled their wells.
+
+    ground: True if a person is to tone the bare canvas in this one colour.
+    """
 
     colors: tuple[str, ...]
+    ground: bool = False
 
 
 class MotionBegan(Durable):
     """The robot will now get motions with these labels.
 
     stroke: number of the stroke that they paint, or None.
-    plan: digest of that stroke's plan.
     """
 
     what: tuple[str, ...]
     stroke: int | None = None
-    plan: str | None = None
 
 
 class Dipped(Durable):
@@ -382,21 +319,19 @@ class StrokeLeftOut(Durable):
 class Drying(Durable):
     """A layer dries after `done` strokes; reported every minute until `left` is 0.
 
-    seconds, left: whole and remaining drying time by the robot's clock; people wait `Scheduled.pace` times as long.
+    left: seconds by the robot's clock; people wait `Scheduled.pace` times as long.
     """
 
     done: int
-    seconds: float
     left: float
 
 
 class LayerBegun(Durable):
-    """Layer number `layer` (from 1) begins or goes on after `done` strokes; its brush and paints are ready.
+    """Layer number `layer` (from 1) begins or goes on; its brush and paints are ready.
 
     first_paint: palette number, from 0, of the paint in the first well.
     """
 
-    done: int
     layer: int
     brush: str
     first_paint: int = 0
@@ -411,36 +346,22 @@ class BrushInHand(Durable):
 # Looks at the canvas.
 
 
-class Photographed(Durable):
-    """A photograph for a decision was taken.
-
-    photograph: its file; None if there was no room to keep it.
-    captured_at: seconds of the robot's clock.
-    sequence: number from the camera.
-    light: light of the room, [3, terms].
-    content: sha256 of the file, None without one.
-    """
-
-    photograph: str | None
-    captured_at: float
-    sequence: int
-    light: list[list[float]] | None
-    content: str | None = None
-
-
 class CanvasPicture(Durable):
-    """Picture of the whole canvas after `done` strokes, without table, on an easel without a camera.
+    """Picture of the canvas after `done` strokes that decides about the rest.
 
     picture: its file; None if there was no room to keep it.
-    seen: True if a person took the picture, False if it is rendered from the painted strokes.
+    by: "camera" for a photograph with the table, "person" for a picture of the whole canvas that a person took,
+    "renderer" for the painted strokes on an easel without a camera.
     content: sha256 of the file.
-    canvas [3, H, W]: the picture.
+    light: light of the room, [3, terms], if a camera saw it.
+    canvas [3, H, W]: the picture, but for a photograph.
     """
 
     picture: str | None
     done: int
-    seen: bool = False
+    by: Literal["camera", "person", "renderer"] = "camera"
     content: str | None = None
+    light: list[list[float]] | None = None
     canvas: Tensor = live()
 
 
@@ -466,37 +387,6 @@ class Looked(Event):
     pictures: dict[str, str] = field(default_factory=dict)
     photograph: Tensor = live()
     expected: Tensor = live()
-
-
-class TouchCorrected(Event):
-    """After a look at stroke `done`, a brush is sent `lower` metres lower than its record; below 0: higher."""
-
-    brush: str
-    lower: float
-    done: int
-
-    @property
-    def sentence(self) -> str:
-        """Sentence for a person."""
-        if abs(self.lower) < 0.00005:
-            return f"Marks of the {self.brush} brush are as they were sent, so it is sent as it was calibrated again."
-        way, marks = ("higher", "thicker") if self.lower < 0 else ("lower", "thinner")
-        return (
-            f"Marks of the {self.brush} brush are {marks} than they were sent, so it is sent "
-            f"{1000 * abs(self.lower):.1f} mm {way} than it was calibrated."
-        )
-
-
-class LastLookDoubted(Event):
-    """All `done` strokes are painted, but the last photograph may not show them well; `reason` is a sentence."""
-
-    reason: str
-    done: int
-
-    @property
-    def sentence(self) -> str:
-        """Sentence for a person."""
-        return f"All {self.done} strokes are painted, and the last photograph may not show them well: {self.reason}"
 
 
 # Pauses, and what a person does in them.
@@ -602,8 +492,8 @@ class PersonMayPaint(Event):
     wells: list[str]
 
 
-class PersonStrokeBegan(Durable):
-    """A person's stroke will now be painted on the canvas of a simulated easel, after `done` strokes of the robot.
+class StrokeOfPerson(Durable):
+    """A person's stroke on the canvas of a simulated easel: told before it is painted, and again when it is.
 
     number: from 1, over the whole painting.
     stroke: as in hardware.easel.PersonStroke.
@@ -611,27 +501,9 @@ class PersonStrokeBegan(Durable):
     """
 
     number: int
-    done: int
     stroke: dict[str, Any]
     color: tuple[float, float, float]
-
-
-class PersonStrokePainted(Durable):
-    """The person's stroke of this number is on the canvas, after `done` strokes of the robot."""
-
-    number: int
-    done: int
-
-
-class PersonPaintShown(Event):
-    """A person painted with a real brush, as two photographs of a pause show.
-
-    picture: the canvas with a line around it, for the page.
-    share: of the canvas.
-    """
-
-    picture: str
-    share: float
+    painted: bool = False
 
 
 # End of a painting.
@@ -645,10 +517,6 @@ class Finished(Durable):
 
     done: int
     robot_seconds: float = 0.0
-
-
-class Finishing(Event):
-    """The robot no longer moves; film, page and exports are being made."""
 
 
 Notify = Callable[[Event], None]

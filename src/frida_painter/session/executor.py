@@ -11,10 +11,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple, TypeVar
 
+import torch
+
 from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
 from frida_painter.hardware.robot import PausableRobot
 from frida_painter.palette import Palette, to_hex
-from frida_painter.plan import Plan
 from frida_painter.session.choreography import Action
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
@@ -22,7 +23,6 @@ from frida_painter.session.events import (
     Dipped,
     Drying,
     Durable,
-    GroundWanted,
     MotionBegan,
     Notify,
     PaintsWanted,
@@ -178,13 +178,13 @@ class BatchExecutor:
                 actions = self._hand.prepare(left, progress.painted, progress.strokes)
                 for action, following in itertools.zip_longest(actions, actions[1:]):
                     leaves = following is None or isinstance(following.done, Dipped)
-                    done = self._perform(action, progress.plan, frames, leaves=leaves)
+                    done = self._perform(action, frames, leaves=leaves)
                     if not done or self._hand.load is not action.load:
                         break
 
     def tone(self, ground: tuple[float, float, float]) -> None:
         """Reports the wanted ground (sRGB), and waits until the canvas has it."""
-        self._tell(GroundWanted(ground))
+        self._tell(PaintsWanted((to_hex(torch.tensor(ground)),), ground=True))
         self._hand.easel.operator.tone(ground)
         self._interruptions.touched = True
 
@@ -247,7 +247,7 @@ class BatchExecutor:
         while True:
             if left == 0 or told - left >= _BETWEEN_WORDS:
                 told = left
-                self._note(Drying(progress.painted, self._hand.drying, round(left, 1)))
+                self._note(Drying(progress.painted, round(left, 1)))
             progress.wet = left
             self._interruptions.check()
             if left == 0:
@@ -278,13 +278,13 @@ class BatchExecutor:
         self._journal.tell(MotionBegan(("home",)))
         self._hand.step_aside()
 
-    def _perform(self, action: Action, plan: Plan, frames: FrameDeveloper, *, leaves: bool) -> bool:
+    def _perform(self, action: Action, frames: FrameDeveloper, *, leaves: bool) -> bool:
         """Notes and performs an action; returns False if it could not be noted, and the painting has paused.
 
         leaves: True if the hand leaves the canvas afterwards anyway.
         """
         try:
-            self._journal.begins(action, plan)
+            self._journal.begins(action)
         except StorageError as trouble:
             self._interruptions.pause(str(trouble), trouble=trouble)
             return False

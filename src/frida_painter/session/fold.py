@@ -28,10 +28,8 @@ Doing = Literal[
 ]
 ENDS: tuple[Doing, ...] = ("finished", "stopped", "failed")
 _SITTINGS = frozenset({events.PaintingBegun, events.SessionResumed})
-_GOING_ON = frozenset({events.SessionResumed, events.Finishing})
 _DOING: dict[type[Event], Doing] = {
     events.SessionResumed: "preparing",
-    events.PaintsWanted: "mixing",
     events.Dipped: "painting",
     events.StrokePainted: "painting",
     events.StrokeLeftOut: "painting",
@@ -40,9 +38,6 @@ _DOING: dict[type[Event], Doing] = {
     events.Planned: "painting",
     events.Paused: "paused",
     events.WentOn: "painting",
-    events.Finishing: "finishing",
-    events.Stopped: "stopped",
-    events.Failed: "failed",
 }
 
 
@@ -112,7 +107,7 @@ class PaintingState:
     assumed: file of the last picture of a canvas that nobody looks at; None after a person's picture of it.
     pictured: number of strokes in the last picture that a person took.
     photographs: sha256 of all files of photographs.
-    dips, cleanings: numbers of dips, and of cleanings between paints.
+    dips, cleanings: numbers of dips into each paint, and of cleanings between paints.
     finished: True if the painting is complete. robot_seconds: robot time of a finished painting.
     missing: number of records lost at the journal's end. unknown: number of entries of a newer program.
 
@@ -136,9 +131,8 @@ class PaintingState:
     touch: latest correction of each brush's height, in words.
 
     photograph, growing: newest pictures of the canvas and of the plan that is being made.
-    share: of the current plan.
     brush, first_paint, paint: brush in the hand, paint in the first well, and paint on the brush, from 0.
-    dips_of, since_dip: dips into each paint, and strokes since the last dip.
+    since_dip: strokes since the last dip.
     results: names of the results that there are; None before they are kept.
     time: remaining time.
     """
@@ -167,7 +161,7 @@ class PaintingState:
     assumed: str | None = None
     pictured: int = 0
     photographs: dict[str, str | None] = field(default_factory=dict)
-    dips: int = 0
+    dips: dict[int, int] = field(default_factory=dict)
     cleanings: int = 0
     finished: bool = False
     robot_seconds: float = 0.0
@@ -179,7 +173,7 @@ class PaintingState:
     proposed: events.PicturesMade | None = None
     region: events.RegionProtected | None = None
     turns: events.Turns = field(default_factory=lambda: events.Turns(0))
-    person: list[events.PersonStrokeBegan] = field(default_factory=list)
+    person: list[events.StrokeOfPerson] = field(default_factory=list)
     person_painted: int = 0
     person_seen: int = 0
     person_released: int = 0
@@ -196,11 +190,9 @@ class PaintingState:
     touch: dict[str, str] = field(default_factory=dict)
     photograph: str | None = None
     growing: str | None = None
-    share: float = 0.0
     brush: str = ""
     first_paint: int = 0
     paint: int | None = None
-    dips_of: dict[int, int] = field(default_factory=dict)
     since_dip: int = 0
     results: tuple[str, ...] | None = None
     time: RemainingTime = field(default_factory=RemainingTime)
@@ -226,7 +218,7 @@ class PaintingState:
         return self.goals[-1].goal if self.goals else ""
 
     @property
-    def person_in_doubt(self) -> events.PersonStrokeBegan | None:
+    def person_in_doubt(self) -> events.StrokeOfPerson | None:
         """The person's stroke that was begun and not ended; None if there is none."""
         return self.person[-1] if len(self.person) > self.person_painted else None
 
@@ -272,12 +264,13 @@ class PaintingState:
             return
         sitting = kind in _SITTINGS
         if at is not None:
-            begins = sitting or kind is events.WorkExpected  # a resumed painting looks before it goes on
+            # A sitting that goes on looks before it is noted, and its work is told before that.
+            begins = sitting or (isinstance(event, events.Scheduled) and event.seconds is None)
             if not (begins or self.finished or self.last is None):
                 self.seconds += measure_step(self.last.timestamp(), at.timestamp())
             self.last = at
         self.runs += sitting
-        if self.doing not in ENDS or kind in _GOING_ON:
+        if self.doing not in ENDS or kind is events.SessionResumed:
             self.doing = _DOING.get(kind, self.doing)
         self.time.hear(event, 0.0 if self.last is None else self.last.timestamp())
         if not (self._hear_strokes(event, at) or self._hear_plans_and_looks(event) or self._hear_person(event)):
@@ -290,13 +283,12 @@ class PaintingState:
             case events.SessionResumed(decision=decision):
                 self.decide(repaint=decision == "repaint")
                 self.trouble, self.stopped, self.paused, self.results = "", False, False, None
-                self._curve, self.share, self.growing = [], 0.0, None
-            case events.WorkExpected(strokes):
-                self.of = strokes
-            case events.Stopped():
-                self.stopped = True
-            case events.Failed(reason):
-                self.trouble = reason
+                self._curve, self.growing = [], None
+            case events.Stopped(reason):
+                self.stopped, self.trouble = self.stopped or not reason, reason or self.trouble
+                self.doing = self.doing if self.doing in ENDS else event.how
+            case events.Began("results"):
+                self.doing = "finishing"
             case events.Finished(robot_seconds=robot_seconds):
                 self.finished, self.robot_seconds = True, robot_seconds
             case events.ResultFound("results", detail=there):
@@ -308,6 +300,8 @@ class PaintingState:
         match event:
             case events.MotionBegan(stroke=None):
                 pass
+            case events.PaintsWanted(ground=False) if self.doing not in ENDS:
+                self.doing = "mixing"
             case events.MotionBegan(stroke=int(stroke)):
                 self.in_doubt, self.proposed, self.paused = stroke, None, False
                 self.doing = "painting" if self.doing == "paused" else self.doing  # at the terminal nobody tells it
@@ -316,9 +310,9 @@ class PaintingState:
                 self.since_dip += isinstance(event, events.StrokePainted)
                 self.given_up += [done] if isinstance(event, events.StrokeLeftOut) else []
             case events.Dipped(well, cleaned):
-                self.dips, self.cleanings = self.dips + 1, self.cleanings + cleaned
                 self.paint, self.since_dip = self.first_paint + well, 0
-                self.dips_of[self.paint] = self.dips_of.get(self.paint, 0) + 1
+                self.dips = {**self.dips, self.paint: self.dips.get(self.paint, 0) + 1}  # a page may show the old one
+                self.cleanings += cleaned
             case events.Drying():
                 self.drying = event, at
                 if self.pace and self.doing not in ENDS:
@@ -335,34 +329,36 @@ class PaintingState:
         match event:
             case events.PlanAdopted():
                 self.plannings.append(event)
-            case events.PlanningStep(iteration=iteration, of=of, loss=loss, picture=picture):
+            case events.PlanningStep(iteration=iteration, loss=loss, picture=picture):
                 self._curve.append((iteration, loss))
-                self.share, self.growing = iteration / of, picture or self.growing
+                self.growing = picture or self.growing
             case events.Planned():
                 self._hear_planned(event)
-            case events.Scheduled(timetable, done, pace):
-                self.pace = pace
+            case events.Scheduled(done, strokes, seconds=seconds, pace=pace):
+                self.of, self.pace = strokes or self.of, pace
                 if done == 0 or self.expected_seconds is None:
-                    self.expected_seconds = timetable.total
+                    self.expected_seconds = seconds
             case events.TimelapseFrame(picture=str(picture)):
                 self.photograph = picture
             case events.Looked(pictures=pictures):
                 self.looks.append(LookState(event, self._why))
                 self._why, self.growing, self.remark = "", None, ""
                 self.photograph = pictures.get("seen", self.photograph)
-            case events.TouchCorrected() | events.LastLookDoubted():
-                if isinstance(event, events.TouchCorrected):
-                    self.touch[event.brush] = event.sentence
-                if self.looks:
-                    self.looks[-1] = replace(self.looks[-1], touch=(*self.looks[-1].touch, event.sentence))
-            case events.Photographed(photograph, light=light, content=content):
-                self.light, self.person_seen = light, self.person_painted
-                self._keep_photograph(photograph, content)
-            case events.CanvasPicture(picture, done, seen=True, content=content):
-                self.pictured, self.assumed, self.last_photograph = done, None, None
-                self._keep_photograph(picture, content)
-            case events.CanvasPicture(picture):
+            case events.Remark(sentence, "touch" | "last look", brush):
+                self.touch |= {brush: sentence} if brush else {}
+                self._add_to_look(touch=(*self.looks[-1].touch, sentence) if self.looks else ())
+            case events.ResultFound("found", picture):
+                self._add_to_look(found=picture)
+            case events.CanvasPicture(picture, by="renderer"):
                 self.assumed = picture
+            case events.CanvasPicture(picture, done, by, content, light):
+                if by == "person":
+                    self.pictured, self.assumed, self.last_photograph = done, None, None
+                else:
+                    self.light, self.person_seen = light, self.person_painted
+                self.photographed += 1
+                if picture is not None:
+                    self.last_photograph, self.photographs[picture] = picture, content
             case _:
                 return False
         return True
@@ -370,13 +366,17 @@ class PaintingState:
     def _hear_planned(self, planned: events.Planned) -> None:
         done = planned.done
         self.phases.append((f"after {done} strokes" if done else f"plan for {planned.strokes} strokes", self._curve))
-        self._curve, self.share, self.growing, self.remark = [], 0.0, None, ""
+        self._curve, self.growing, self.remark = [], None, ""
         if planned.similarity is not None:
             self.forecasts.append((done, planned.similarity))
         if planned.shown:
             self.replanned = planned
         if self.looks and self.looks[-1].told.done == done and self.looks[-1].planned is None:
-            self.looks[-1] = replace(self.looks[-1], planned=planned)
+            self._add_to_look(planned=planned)
+
+    def _add_to_look(self, **facts: Any) -> None:
+        if self.looks:
+            self.looks[-1] = replace(self.looks[-1], **facts)
 
     def _hear_person(self, event: Event) -> bool:
         match event:
@@ -384,7 +384,7 @@ class PaintingState:
                 self.pause, self.paused, self._why = event, True, ""
             case events.WentOn():
                 self.paused, self.proposed, self.remark = False, None, ""
-            case events.Remark(sentence):
+            case events.Remark(sentence, ""):
                 self.remark = sentence
             case events.Turns():
                 self.turns = event
@@ -404,22 +404,12 @@ class PaintingState:
                 self.request, self.proposed = {}, event
             case events.PersonMayPaint():
                 self.may_paint = event
-            case events.PersonStrokeBegan(number):
+            case events.StrokeOfPerson(number, painted=painted):
                 self.person = [*self.person[: number - 1], event]
-            case events.PersonStrokePainted(number):
-                self.person_painted, self.remark = number, ""
-            case events.PersonPaintShown(picture):
-                if self.looks:
-                    self.looks[-1] = replace(self.looks[-1], found=picture)
+                self.person_painted, self.remark = (number, "") if painted else (self.person_painted, self.remark)
             case _:
                 return False
         return True
-
-    def _keep_photograph(self, file: str | None, content: str | None) -> None:
-        self.photographed += 1
-        if file is not None:
-            self.last_photograph = file
-            self.photographs[file] = content
 
     def wet(self, now: datetime | None = None) -> float | None:
         """Returns the seconds that the last layer still dries; None if drying did not begin.

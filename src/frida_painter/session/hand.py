@@ -20,8 +20,8 @@ from frida_painter.plan import Plan
 from frida_painter.planning.forecast import Fading
 from frida_painter.planning.placement import Placement
 from frida_painter.registry import Later
-from frida_painter.session.choreography import Action, BrushLoad, Choreography, Looks, reckon
-from frida_painter.session.events import DRYING, Dipped, StrokeLeftOut, StrokePainted, Timetable
+from frida_painter.session.choreography import DRYING, Action, BrushLoad, Choreography, Looks, Timetable, reckon
+from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
 from frida_painter.strokes import Strokes
 
 # Order of strokes: quick to paint, with a full brush for strokes that must not lack paint.

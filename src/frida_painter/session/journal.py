@@ -32,7 +32,6 @@ from frida_painter.session.events import (
     Event,
     MotionBegan,
     PaintingBegun,
-    Photographed,
     PlanAdopted,
     SessionResumed,
     StrokePainted,
@@ -103,11 +102,13 @@ class Journal:
         if self._book is not None:
             self._book.close()
 
-    def record_resume(self, *, repaint: bool) -> None:
-        """Notes that a person resumed the painting and decided about the stroke in doubt."""
+    def record_resume(self, *, repaint: bool) -> SessionResumed:
+        """Notes that a person resumed the painting and decided about the stroke in doubt; returns the note."""
         in_doubt = self.state.in_doubt
         decision = "" if in_doubt is None else "repaint" if repaint else "skip"
-        self.tell(SessionResumed(self.state.painted, in_doubt, decision, **_who()))
+        resumed = SessionResumed(self.state.painted, in_doubt, decision, **_who())
+        self.tell(resumed)
+        return resumed
 
     def record_plan(self, plan: Plan, done: int, placement: Placement, *, answers: bool = False) -> None:
         """Notes that painting follows this plan of all strokes from stroke `done` + 1 on, and saves the plan.
@@ -125,19 +126,18 @@ class Journal:
         where = (placement.error, placement.information, dict(touch.depths), touch.lower, touch.information)
         self.tell(PlanAdopted(plan.digest, done, self._photograph, *where, answers=answers))
 
-    def begins(self, action: Action, plan: Plan) -> None:
+    def begins(self, action: Action) -> None:
         """Notes that the robot will now get this action. Raises StorageError if there is no room to note its end."""
         if self._book is not None:
             self._book.require_reserve()
-        what = tuple(motion.label for motion in action.motions)
-        of = (action.done.done, plan.digest) if isinstance(action.done, StrokePainted) else ()
-        self.tell(MotionBegan(what, *of))
+        stroke = action.done.done if isinstance(action.done, StrokePainted) else None
+        self.tell(MotionBegan(tuple(motion.label for motion in action.motions), stroke))
 
     def record_look(self, frame: Frame, light: FlatField | None) -> None:
         """Notes a photograph for planning, and keeps it in the camera's pixels if there is room."""
         content = self._keep(frame.image, f"look-{self.state.photographed:04d}.png")
         light_now = None if light is None else light.logarithm.tolist()
-        self.tell(Photographed(self._photograph, frame.captured_at, frame.sequence, light_now, content))
+        self.tell(CanvasPicture(self._photograph, self.state.painted, "camera", content, light_now))
 
     def record_canvas(self, canvas: Tensor, done: int, *, seen: bool = False) -> CanvasPicture:
         """Notes the canvas [3, H, W] after `done` strokes, and keeps its picture if there is room; returns the note.
@@ -146,7 +146,7 @@ class Journal:
         """
         name = f"seen-{self.state.photographed:04d}.png" if seen else f"assumed-{done:06d}.png"
         content = self._keep(images.to_uint8(canvas), name)
-        noted = CanvasPicture(self._photograph, done, seen, content, canvas)
+        noted = CanvasPicture(self._photograph, done, "person" if seen else "renderer", content, canvas=canvas)
         self.tell(noted)
         return noted
 

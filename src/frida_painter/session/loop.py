@@ -36,11 +36,9 @@ from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
     Durable,
     Event,
-    Failed,
     Finished,
     LayerBegun,
     Notify,
-    Resumed,
     Stopped,
 )
 from frida_painter.session.executor import BatchExecutor, Desk, Interruptions, StopAsked
@@ -162,6 +160,10 @@ class PaintingSession:
             else:
                 self._plans.keep()
 
+    def expect(self, strokes: int) -> None:
+        """Reports the work of a painting of that many strokes, 0 if nobody knows how many, before it is planned."""
+        self._plans.expect(strokes)
+
     def tell(self, event: Event) -> None:
         """Reports an event to the listeners; the engine shows it in the journal."""
         self._notify(event)
@@ -254,7 +256,7 @@ class PaintingSession:
                 self.hand.easel.operator.fill_wells(mixed)
                 progress.wells = mixed
         if len(rest.layers) > 1 and (changes or progress.begins_layer):
-            self._desk.note(LayerBegun(progress.painted, number + 1, layer.brush, layer.paints[0]))
+            self._desk.note(LayerBegun(number + 1, layer.brush, layer.paints[0]))
 
     def _tone(self, ground: tuple[float, float, float]) -> Tensor:
         """Has the canvas toned and returns it, [3, H, W]; pauses once if its colour differs from the ground."""
@@ -272,7 +274,6 @@ class PaintingSession:
     def _begin_again(self, where: ResumeState) -> None:
         self._progress.go_on_from(where)
         self._began_at = self.hand.last_motion
-        self.tell(Resumed(where.painted, plan=where.plan, expected=self.planner.expected(self.rest, where.now)))
         self._plans.schedule()
         if self.hand.has_rack:
             if self.hand.held:
@@ -296,11 +297,11 @@ class PaintingSession:
             begin()
             self._paint()
         except StopAsked:
-            self.tell(Stopped(progress.painted))
+            self.tell(Stopped())
             stopped = True
         except FridaError as trouble:
             gave_up = isinstance(trouble, RobotStopped | PaintingPaused | Interrupted)
-            self.tell(Stopped(progress.painted) if gave_up else Failed(str(trouble)))
+            self.tell(Stopped("" if gave_up else str(trouble)))
             raise
         took = self.hand.last_motion - self._began_at
         self._executor.put_brush_back()

@@ -26,21 +26,13 @@ from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.wet_paint import ENOUGH, PaintedPart, Wetness, learn_wet_paint
-from frida_painter.session.choreography import BrushLoad, Looks, no_looks
-from frida_painter.session.events import (
-    LastLookDoubted,
-    Looked,
-    Planned,
-    PlanningStep,
-    Scheduled,
-    Timetable,
-    TouchCorrected,
-)
+from frida_painter.session.choreography import BrushLoad, Looks, Timetable, no_looks
+from frida_painter.session.events import Looked, Planned, PlanningStep, Remark, Scheduled
 from frida_painter.session.executor import BatchExecutor, Desk
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TOLERANCE, CanvasObserver, Timelapse
 from frida_painter.session.progress import difference
-from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy
+from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy, looks_on_the_way
 from frida_painter.strokes import Strokes
 
 _CLEAR = 0.004  # metres that the middle of a stroke keeps from a protected part
@@ -150,11 +142,23 @@ class PlanKeeper:
         progress.planned_at = progress.painted
 
     def schedule(self) -> Timetable:
-        """Reports and returns the time that the robot takes for the rest, with all looks."""
+        """Reports the work that is left, and returns the time that the robot takes for it, with all looks."""
         done, of, rest = self._progress.painted, self._progress.strokes, self._progress.rest
         table = self._table(rest, self._looks(done, of))
-        self._tell(Scheduled(table, done, self._hand.easel.drying_pace))
+        work = self._count_work(0 if self._progress.most is not None else of, done)
+        pace = self._hand.easel.drying_pace
+        self._tell(replace(work, seconds=table.total, drying=table.drying, after=table.milestones, pace=pace))
         return table
+
+    def expect(self, strokes: int) -> None:
+        """Reports the work of a painting of that many strokes, 0 if nobody knows how many, before it is planned."""
+        work = self._count_work(strokes, self._journal.state.painted)
+        self._tell(replace(work, planning=self.planner.iterations(strokes) if strokes else 0))
+
+    def _count_work(self, strokes: int, done: int) -> Scheduled:
+        """Returns the work of the looks that are left on the way of a painting."""
+        looks = tuple(look for look in looks_on_the_way(self._policy, strokes) if look > done)
+        return Scheduled(done, strokes, looks, self.planner.effort.settling + self.planner.effort.replanning)
 
     def _table(self, rest: Plan, looks: Looks) -> Timetable:
         """Returns the timetable of the rest, after the paint on the canvas has dried if it must."""
@@ -232,11 +236,7 @@ class PlanKeeper:
         expected, after = planner.expected(rest, canvas, wetness), planner.expected_loss(rest, canvas, wetness)
         forecast = planner.forecast(rest, canvas, placement, unseen, wetness)
         similarity = None if forecast is None else (forecast.expected, forecast.least, forecast.most)
-        self._tell(
-            Planned(
-                progress.painted, len(rest), before, after, similarity, plan=rest, expected=expected, forecast=forecast
-            )
-        )
+        self._tell(Planned(progress.painted, len(rest), before, after, similarity, plan=rest, expected=expected))
         return after
 
     def _loss(self) -> float:
@@ -371,7 +371,7 @@ class ExecutionMonitor:
         for brush in now.depths:
             lower = now.correction(brush)
             if abs(lower - before.correction(brush)) >= _TOLD:
-                self._tell(TouchCorrected(brush, lower, self._progress.painted))
+                self._tell(Remark(_tell_touch(brush, lower), "touch", brush))
 
     def _look(self) -> Tensor:
         self._executor.step_aside()
@@ -402,9 +402,9 @@ class ExecutionMonitor:
             return self._glance()
 
     def _doubt(self, trouble: CameraError) -> None:
-        doubted = LastLookDoubted(str(trouble), self._progress.painted)
-        self._progress.remark = doubted.sentence
-        self._tell(doubted)
+        painted = f"All {self._progress.painted} strokes are painted"
+        self._progress.remark = f"{painted}, and the last photograph may not show them well: {trouble}"
+        self._tell(Remark(self._progress.remark, "last look"))
 
     def _glance(self) -> Tensor:
         """Returns the canvas [3, H, W] as visible now, or as last seen; it decides nothing."""
@@ -416,6 +416,17 @@ class ExecutionMonitor:
             return self._progress.canvas.last_seen
         self._journal.record_look(frame, self._observer.light)
         return canvas
+
+
+def _tell_touch(brush: str, lower: float) -> str:
+    """Returns a sentence about a brush that is sent `lower` metres lower than its record; below 0: higher."""
+    if abs(lower) < 0.00005:
+        return f"Marks of the {brush} brush are as they were sent, so it is sent as it was calibrated again."
+    way, marks = ("higher", "thicker") if lower < 0 else ("lower", "thinner")
+    return (
+        f"Marks of the {brush} brush are {marks} than they were sent, so it is sent {1000 * abs(lower):.1f} mm {way} "
+        "than it was calibrated."
+    )
 
 
 def touches(strokes: Strokes, forbidden: NDArray[np.bool_], size: CanvasSize) -> NDArray[np.bool_]:

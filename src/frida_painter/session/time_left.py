@@ -1,11 +1,12 @@
 """Remaining time of work, from two estimators: the measured pace of computing, and the robot's timetable.
 
-`Pace` serves all computing: plans, replans, experiments and sweeps. `Timetable` (events.py) serves the machine;
+`Pace` serves all computing: plans, replans, experiments and sweeps. `Scheduled` (events.py) serves the machine;
 choreography.py computes it from the robot's speeds and accelerations.
 """
 
 import math
 import time
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -93,19 +94,14 @@ class PlanTime:
         return (1 - share) * max(self._expected * busy, passed)
 
 
-_PERSON = frozenset({
-    events.Paused, events.GroundWanted, events.PaintsWanted, events.Asked, events.Answered, events.PersonStrokeBegan,
-    events.PersonStrokePainted,
-})  # fmt: skip
+_PERSON = frozenset({events.Paused, events.PaintsWanted, events.Asked, events.StrokeOfPerson})
 """A person is waited for after these."""
 _ROBOT = frozenset({
     events.WentOn, events.MotionBegan, events.Dipped, events.LayerBegun, events.BrushInHand, events.StrokePainted,
     events.StrokeLeftOut,
 })  # fmt: skip
 """The robot is at work again."""
-_COMPUTING = frozenset({
-    events.PlanningStep, events.PlanAdopted, events.Planned, events.Scheduled, events.Resumed,
-})  # fmt: skip
+_COMPUTING = frozenset({events.PlanningStep, events.PlanAdopted, events.Planned, events.Scheduled})
 """The time before these was no painting."""
 
 
@@ -118,7 +114,6 @@ class RemainingTime:
     """
 
     def __init__(self) -> None:
-        self._strokes = 0
         self._looks: list[int] = []
         self._replans: list[float] = []
         self._plan_left = 0.0
@@ -126,7 +121,7 @@ class RemainingTime:
         self._last: float | None = None
         self._planning = Pace(_PLANNING)
         self._painting = Pace(_STROKE)
-        self._plan = events.Scheduled(events.Timetable(), 0)
+        self._plan = events.Scheduled(0, 0)
         self._walked = 0.0
         self._dries = 0.0  # seconds of drying in the rest of the timetable
         self._share = 0.0  # of the current plan or replan
@@ -148,12 +143,16 @@ class RemainingTime:
             self._since += passed
         self._waits = person or (self._waits and kind not in _ROBOT)
         match event:
-            case events.WorkExpected(strokes, looks, planning, replanning):
-                self._strokes, self._looks = strokes, [look for look in looks if look > self._painted]
-                self._replans = [float(replanning * (strokes - done)) for done in self._looks]
-                self._plan_left = float(planning * strokes)
+            case events.Scheduled(done, strokes, looks):
+                if event.after and not self._plan.after:
+                    self._painting = Pace(_TIMETABLE)
+                self._looks, self._painted = list(looks), done
+                self._replans = [float(event.replanning * (strokes - look)) for look in looks]
+                self._plan_left = float(event.planning * strokes)
+                if event.seconds is not None or not self._plan.after:  # a sitting keeps its plan until it has looked
+                    self._plan, self._walked, self._dries = event, 0.0, event.drying
             case events.PlanningStep(phase, iteration, of):
-                work = float(of * (self._strokes - self._painted))
+                work = float(of * (self._plan.strokes - self._painted))
                 share = share_of_plan(iteration, of) if phase == "plan" else iteration / of
                 if counts:
                     self._planning.measure(passed, max(0.0, share - self._share) * work)
@@ -170,13 +169,6 @@ class RemainingTime:
                     self._since = 0.0
             case events.SessionResumed():  # the break was no work, and what dried then is known from the next event
                 self._wet, self._waits, self._since, self._share = None, False, 0.0, 0.0
-            case events.Resumed(done=done):
-                self._since, self._plan_left, self._painted = 0.0, 0.0, done
-                self._forget_looks(until=done - 1)
-            case events.Scheduled(timetable=timetable):
-                if not self._plan.timetable.after:
-                    self._painting = Pace(_TIMETABLE)
-                self._plan, self._walked, self._dries = event, 0.0, timetable.drying
             case events.Drying(left=left):
                 dried = 0.0 if self._wet is None else self._wet - left
                 self._walked, self._dries = self._walked + dried, self._dries - dried
@@ -195,10 +187,10 @@ class RemainingTime:
     @property
     def remaining(self) -> float:
         """Seconds until the last stroke."""
-        table, painting = self._plan.timetable, 0.0
-        if self._painted < self._strokes:
-            walking = table.total - self._walked - self._dries if table.after else self._strokes - self._painted
-            painting = self._painting.time_for(walking) + self._dries * self._plan.pace
+        plan, painting = self._plan, 0.0
+        if self._painted < plan.strokes:
+            walking = (plan.seconds or 0.0) - self._walked - self._dries if plan.after else plan.strokes - self._painted
+            painting = self._painting.time_for(walking) + self._dries * plan.pace
         return self._planning.time_for(self._plan_left + sum(self._replans)) + painting
 
     def _forget_looks(self, until: int) -> None:
@@ -211,13 +203,14 @@ class RemainingTime:
 
         In strokes if there is no timetable.
         """
-        table = self._plan.timetable
-        if not table.after:
+        after, stroke = self._plan.after, done - self._plan.done
+        if not after:
             return 1.0
-        stroke = min(done - self._plan.done, len(table.after)) - 1
-        before, self._walked = self._walked + self._dries, table.after[stroke]
-        if table.dried:
-            self._dries = table.drying - table.dried[stroke]
+        before, at = self._walked + self._dries, min(bisect_left(after, (stroke,)), len(after) - 1)
+        (first, *known), (last, *later) = after[max(0, at - 1)], after[at]
+        share = min(1.0, (stroke - first) / (last - first)) if last > first else 1.0
+        self._walked, dried = (old + share * (new - old) for old, new in zip(known, later, strict=True))
+        self._dries = self._plan.drying - dried
         return max(0.0, self._walked + self._dries - before)
 
 

@@ -35,8 +35,8 @@ export function finishedStage(house, here, first) {
 
   const verdict = {
     finished: `${count(painting.done, "stroke", "strokes")} are on the canvas.`,
-    stopped: `You stopped after ${count(painting.done, "stroke", "strokes")} of ${painting.of}.${house.simulated ? "" : " Look at the robot before anything else."}`,
-    failed: `It failed after ${count(painting.done, "stroke", "strokes")} of ${painting.of}.`,
+    stopped: `You stopped after ${count(painting.done, "stroke", "strokes")} of ${painting.of || plan.made?.strokes}.${house.simulated ? "" : " Look at the robot before anything else."}`,
+    failed: `It failed after ${count(painting.done, "stroke", "strokes")} of ${painting.of || plan.made?.strokes}.`,
   }[painting.status];
 
   async function again() {

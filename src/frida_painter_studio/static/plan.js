@@ -67,7 +67,7 @@ export function planStage(house, here, first) {
 
   function planCard(plan) {
     const picture = plan.made ? api.file(here.id, plan.number, `after-${plan.made.frames.at(-1)}.jpg`) : plan.growing && api.file(here.id, plan.number, plan.growing);
-    const said = { waiting: "waits in the queue", planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * plan.nearer)} % closer to the goal than a bare canvas`, failed: "failed", stopped: "stopped" }[plan.status];
+    const said = { waiting: "waits in the queue", planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * (plan.made?.nearer ?? 0))} % closer to the goal than a bare canvas`, failed: "failed", stopped: "stopped" }[plan.status];
     return h("li", {}, h("button", { type: "button", "aria-pressed": String(plan.number === chosen), onclick: () => choose(plan.number) },
       h("span", { class: "frame" }, picture ? h("img", { src: picture, alt: "" }) : h("span", { class: "bare" })),
       h("strong", {}, `Plan ${plan.number}`), h("small", {}, said)));
@@ -189,7 +189,7 @@ export function planStage(house, here, first) {
       h("p", {}, h("a", { href: api.file(here.id, plan.number, "palette.png"), download: "palette.png" }, "Download the palette to print")),
       h("div", { class: "checks" }, check("A bare canvas is on the easel."), check("The paints are in their wells. Water and rag are in place.")),
       mainAction(first, start),
-      state.queued === "paint"
+      state.stage === "queued"
         ? h("p", { class: "label beneath" }, house.simulated ? "It waits in the queue, and is painted when those before it are done. " : "It waits in the queue. Start it when the easel is free and the canvas is bare. ",
           h("button", { type: "button", class: "quiet", "data-for": "operate", onclick: unqueue }, "Remove from the queue"))
         : h("button", { type: "button", class: "quiet later", "data-for": "operate", onclick: () => later(plan) }, "Paint it after the others (queue)"),
@@ -209,7 +209,7 @@ export function planStage(house, here, first) {
     const plan = current();
     if (plan.wish.together && plan.made && step === "plan" && house.role === "operate") { queueMicrotask(() => here.go("prepare")); return; } // there is no plan to review
     const preparing = step === "prepare" && plan.made;
-    const key = `${step}/${plan.number}/${plan.status}/${preparing || state.working}/${state.queued}`;
+    const key = `${step}/${plan.number}/${plan.status}/${preparing || state.working}/${state.stage === "queued"}`;
     if (key !== drawn) {
       drawn = key;
       stopWaiting();
