@@ -10,7 +10,7 @@ PAGE = "<meta http-equiv=refresh content=2><p>{done} of {of} strokes; last: {las
 
 
 def read(journal: Path) -> dict:
-    """The state of the painting, from what docs/reference/files.md says about its journal."""
+    """The state of the painting, from its journal, as docs/reference/files.md describes it."""
     now, before = {"last": "", "done": 0, "of": 0, "picture": ""}, b"0" * 16
     for line in journal.read_bytes().split(b"\n")[:-1]:  # what follows the last one is still being written
         checksum, _, text = line.split(b" ", 2)

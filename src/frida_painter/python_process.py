@@ -151,7 +151,7 @@ def prepare_forks() -> None:
 # Calls of functions in processes of their own.
 
 _ENDING = 5.0  # seconds in which a process whose link is closed ends
-_LONGEST = 160  # characters of what a process says in a message
+_LONGEST = 160  # characters of a foreign sentence in a message
 _NAME = re.compile(r"frida_painter(_\w+)?(\.\w+)*:\w+")
 
 

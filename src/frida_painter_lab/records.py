@@ -37,8 +37,7 @@ class RepeatableRun(RunRecord):
                 else {"painting": hash_picture(run.simulate().photograph)}
             )
         same = all(self.results.get(name) == value for name, value in again.items())
-        device = self.made_with.get("device", "cpu")
-        if not same and device != "cpu":
+        if not same and (device := self.made_with.get("device", "cpu")) != "cpu":
             checked = replace(checked, differences=(*checked.differences, f"{device} does not promise equal bits"))
         return replace(checked, same=same)
 

@@ -1,4 +1,4 @@
-"""Reading of what loads arrays and tensors, which the page's process must not hold, in processes of their own."""
+"""Readers in processes of their own: the page's process holds neither arrays nor tensors."""
 
 import tempfile
 from io import BytesIO

@@ -140,7 +140,9 @@ def check_files(folder: Path, preset: str, touch: float, near: float = 3.1e-4) -
     """The files say what was true of the table; the canvas was first proposed by the preset."""
     workcell, record = WorkcellConfig.load(folder / "workspace.toml"), Calibration.load(folder / "calibration.json")
     proposed = machine_setup.Layout.propose(find_preset(preset), canvas=CANVAS)
-    assert workcell.workspace.canvas_origin[:2] == pytest.approx(np.array(proposed.corner[:2]) + BESIDE, abs=near)
+    assert workcell.workspace.canvas_origin[:2] == pytest.approx(
+        np.array(proposed.workspace.canvas_origin[:2]) + BESIDE, abs=near
+    )
     assert record.touch_height == pytest.approx(touch, abs=max(near, 3e-4))
     assert record.touch_height - record.press_height == pytest.approx(-PRESSED, abs=max(near, 4e-4))
     assert len(workcell.workspace.wells) == 3

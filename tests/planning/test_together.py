@@ -63,9 +63,9 @@ def test_errors_count_below_other_layers_as_they_do_on_the_canvas() -> None:
         left = below
         for laid, scene_above in above:
             left = replace(scene_above, canvas=left).render(laid)
-        assert seen.importance is not None
-        open_ = seen.importance > 0.05**2
-        found = seen.importance * (below - wanted).square()
+        assert seen.wishes.importance is not None
+        open_ = seen.wishes.importance > 0.05**2
+        found = seen.wishes.importance * (below - wanted).square()
         torch.testing.assert_close(found[:, open_], (left - target(on)).square()[:, open_], rtol=1e-3, atol=1e-6)
         assert bool(open_.any()) and not bool(open_.all())
 
@@ -77,8 +77,8 @@ def test_no_stroke_is_proposed_where_later_layers_cover_the_canvas() -> None:
         position=cover.position * torch.tensor([0.3, 1.0]), length=torch.full((60,), 0.03), thickness=torch.ones(60)
     )
     seen, wanted = beneath([(left, on)], some_strokes(4), on, target(on))
-    assert seen.importance is not None
-    covered = seen.importance < 0.01
+    assert seen.wishes.importance is not None
+    covered = seen.wishes.importance < 0.01
     assert float(covered.float().mean()) > 0.1
     found = best_proposals(some_strokes(4), None, 12, seen, wanted, 24, generator=torch.Generator().manual_seed(1))
     rows, columns = covered.shape

@@ -209,7 +209,7 @@ def test_killed_twice_it_is_still_the_same_painting(
 def test_killed_while_planning_nothing_is_lost_but_the_planning(
     world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
-    before = killed(world, tmp_path, lambda record: record["kind"] == "photographed")
+    before = killed(world, tmp_path, lambda record: record["kind"] == "canvas_picture")
     assert before.plannings == [] and before.painted == 0
     assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss, "another plan, as good"
 

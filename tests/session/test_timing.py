@@ -87,4 +87,4 @@ def test_a_layer_dries_before_the_next_one_and_the_brush_is_cleaned_once() -> No
 def test_nothing_takes_no_time() -> None:
     choreography = Choreography(Motion(WORKSPACE, CALIBRATION), FINE)
     table = reckon(made_up_plan(6, 1).part(slice(0)), choreography, BrushLoad(), lambda painted, leaves: 1)
-    assert table.total == 0 and table.after == ()
+    assert table.total == 0 and table.after == table.milestones == ()

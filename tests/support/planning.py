@@ -1,6 +1,7 @@
 """Small canvases, pictures and brushes to plan with in a moment."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -31,12 +32,13 @@ def plain(
     model: AnyBrush | Sequence[AnyBrush],
     effort: Effort | None = None,
     rows: int = 256,
+    shares: tuple[float, ...] | None = None,
     **settings: Any,
 ) -> tuple[PlannerSettings, Materials, Effort | None]:
-    """What a planner takes that does one thing at a time, where these do not say otherwise."""
+    """Settings, materials and effort of a planner that does one thing at a time, if these do not say otherwise."""
     chosen = PlannerSettings.of(canvas=size, **{"layers": 1, "new_paints": False, "focus": "none", **settings})
     chosen = chosen.model_copy(update={"render_height": rows})  # fewer than people may have
-    return chosen, Materials.of(chosen, model), effort
+    return chosen, replace(Materials.of(chosen, model), shares=shares), effort
 
 
 def as_it_is(picture: Tensor, weight: float = 1.0, importance: Tensor | None = None) -> Goal:

@@ -179,9 +179,8 @@ def follow(folder: Path) -> None:
             at_work = locks.is_held(place / JOURNAL)
             news = state.hear_journal(reader.stream(), place)
     ended = f"It {state.doing}." if state.doing in ENDS else "It is not at its end."
-    say(f"{state.painted} of {count_of(state.of, 'stroke')} painted. {ended} {state.trouble}".strip())
-    if state.unknown:
-        say(state.unknown_sentence)
+    told = (f"{state.painted} of {count_of(state.of, 'stroke')} painted.", ended, state.trouble, state.unknown_sentence)
+    say(" ".join(filter(None, told)))
 
 
 def answer_early(run: PaintingRun) -> Callable[[Question], Answer]:

@@ -15,7 +15,7 @@ from frida_painter.hardware.timing import AxisTiming, Timing
 
 @dataclass(frozen=True)
 class SimulationOrder:
-    """Order of what only a simulated easel has.
+    """Part of an order that concerns a simulated easel alone.
 
     seed: of the painting
     pace: real seconds per simulated second; 0 for as fast as possible

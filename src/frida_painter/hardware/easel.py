@@ -113,7 +113,7 @@ class PersonCanvas(Protocol):
 class Easel:
     """Easel: everything that differs between a virtual and a real painting.
 
-    reach: of the robot's arm; None if it reaches every point of its workspace, or if the door of its process knows it
+    reach: of the arm of a robot in this process; None if it reaches every point
     timing: limits of the robot; None if unknown, then estimates assume full speed
     simulated: True if no real robot moves
     has_camera: False if nobody looks at the canvas, so that a plan is painted as it is

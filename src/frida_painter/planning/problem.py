@@ -48,7 +48,7 @@ class ObjectiveForms:
 
 @dataclass(frozen=True)
 class StrokeWishes:
-    """What is wanted of strokes themselves, beside the picture that they make.
+    """Wishes for strokes themselves, beside the picture that they make.
 
     importance [H, W]: weight of errors when strokes are placed, with mean 1. None: the same everywhere.
     brushwork [6, H, W]: wanted marks of strokes (objectives/style_flow.py). None: any marks.

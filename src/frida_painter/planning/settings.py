@@ -247,7 +247,7 @@ class PlanSettings(SettingSection):
 
 
 class PlannerSettings(PlanSettings, CanvasSettings):
-    """What a planner takes of the settings of a painting: those of canvas, paints and strokes.
+    """Settings that a planner takes of those of a painting: canvas, paints and strokes.
 
     A RunSpec is one, and chooses what is left open by the goal and the machine as well.
 

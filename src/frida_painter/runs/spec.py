@@ -412,7 +412,7 @@ class RunSpec(PaintingSettings, MachineSettings, PlannerSettings, GoalSettings):
 
     @property
     def wanted_layers(self) -> int | None:
-        """As of a planner's settings; one if paint would dry too long, and if a person paints along."""
+        """Number of layers, as for a planner; one if paint would dry too long, or if a person paints along."""
         return super().wanted_layers or (1 if self.is_short or self.together else None)
 
     @property

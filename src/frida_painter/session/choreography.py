@@ -189,7 +189,7 @@ class Timetable:
         numbers = {1, *range(every, count, every), count, *(near for number in dry for near in (number, number + 1))}
         return tuple(
             (number, round(self.after[number - 1], 2), round(self.dried[number - 1], 2))
-            for number in sorted(numbers) if number <= count
+            for number in sorted(numbers) if 0 < number <= count
         )  # fmt: skip
 
     def after_drying(self, seconds: float) -> "Timetable":

@@ -1,7 +1,7 @@
 """State of a painting: one fold of its events, the same while it is painted and afterwards.
 
 Everything about a painting is read from here: the progress at the terminal, the time left, the figures of its results,
-the studio's page, and the state that a resumed painting begins from. What a newer program wrote is only counted.
+the studio's page, and the state that a resumed painting begins from. Entries of a newer program are only counted.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from frida_painter.errors import StorageError
 from frida_painter.session import events
 from frida_painter.session.events import Event, events_of, time_of
 from frida_painter.session.time_left import RemainingTime, measure_step
+from frida_painter.storage import count_of
 
 FORMAT = "frida-painter journal"
 VERSION = 3
@@ -207,10 +208,8 @@ class PaintingState:
     @property
     def unknown_sentence(self) -> str:
         """Sentence for a person about entries of a newer program; "" if there are none."""
-        if not self.unknown:
-            return ""
-        are = "entry of this journal is" if self.unknown == 1 else "entries of this journal are"
-        return f"{self.unknown} {are} of a newer program; what this one does not know of them was skipped."
+        places = count_of(self.unknown, "place")
+        return f"What a newer program wrote in {places} of this journal was skipped." if self.unknown else ""
 
     @property
     def goal(self) -> str:

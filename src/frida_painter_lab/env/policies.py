@@ -143,8 +143,7 @@ class PlannerPolicy:
         x, y, turn = self._placement.error
         cos, sin = math.cos(turn), math.sin(turn)
         back = -(cos * x + sin * y), sin * x - cos * y, -turn  # the inverse of a turn and a shift
-        sent = displace_strokes(plan.strokes, back, self._task.size)
-        return sent.project(self._task.code.limits, self._task.size)
+        return displace_strokes(plan.strokes, back, self._task.size).project(self._task.code.limits, self._task.size)
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ class PipelineTask:
 
 @dataclass(frozen=True)
 class PipelineAnswer:
-    """What a pipeline has made so far.
+    """Pictures of a pipeline so far.
 
     size, pipeline, hashes: size of the pictures, class that ran, and hashes of its weights
     faults: for each picture, why it cannot be used; "" if it can
