@@ -34,12 +34,13 @@ from frida_painter.session import resuming
 from frida_painter.session.events import (
     BrushInHand,
     CanvasPicture,
+    CommandDone,
+    DrawnRegion,
     Drying,
-    GoalChanged,
     MotionBegan,
+    NewGoal,
     PaintingBegun,
     PlanAdopted,
-    RegionProtected,
     StrokeLeftOut,
     StrokeOfPerson,
     StrokePainted,
@@ -118,6 +119,7 @@ def painting(tmp_path: Path) -> Path:
     painting_folder.keep_goal(spec, folder)
     (folder / painting_folder.SETTINGS).write_text(json.dumps(spec.record()))
     images.save(torch.rand(3, 30, 40), folder / "look.png")
+    images.save(torch.rand(3, 30, 40), folder / "regions" / "look.png")
     storage.write_json(folder / "result.json", {"strokes_painted": 2, "strokes_given_up": [1], "stopped": False})
     known = Placement.unknown({"fine": 0.01})
     touch = dict(known.touch.depths), known.touch.lower, known.touch.information
@@ -127,7 +129,7 @@ def painting(tmp_path: Path) -> Path:
         PlanAdopted(plan.digest, 0, "look.png", known.error, known.information, *touch),
         *(MotionBegan(("stroke 1",), 1), StrokePainted(1, 6), MotionBegan(("stroke 2",), 2), StrokeLeftOut(2, 6)),
         *(CanvasPicture("look.png", 2, "person"), CanvasPicture("look.png", 2, "renderer"), Drying(2, 30.0)),
-        *(BrushInHand("fine"), RegionProtected("look.png"), GoalChanged("", {})),
+        *(BrushInHand("fine"), CommandDone(DrawnRegion("look.png")), CommandDone(NewGoal("", {}))),
         *(StrokeOfPerson(1, {}, (0.0, 0.0, 0.0), painted) for painted in (False, True)),
     )
     first, *others = (json.loads(json.dumps(record(event))) for event in events)

@@ -108,17 +108,18 @@ DELETING = {
     "runs/look_folder.py": 1,  # moves a picture beside others of its name
     # pictures that its record names; a canvas without pictures; empty folders
     "frida_painter_words/picture_makers/making.py": 5,
-    "runs/run.py": 2,  # empty folders
+    "runs/run.py": 3,  # empty folders; a stop file that came too late
     "frida_painter_drivers/sawyer/arm_film.py": 1,  # the end of the film, which it just made
     "storage.py": 2,  # temporary files, named by PART
     "frida_painter_studio/side_jobs.py": 1,  # copies for the page, named by a random name of 24 digits
-    "frida_painter_studio/painter.py": 1,  # pictures with random names that it made itself
     "frida_painter_studio/server.py": 1,  # the links of the studio that closes
     "frida_painter_studio/stop.py": 2,  # its own key in the making, and the socket
     "frida_painter_studio/store.py": 1,  # the folder of a painting, on a person's word
-    "frida_painter_studio/studio_folder.py": 2,  # a lock, and pictures with random names for the page
-    "frida_painter_studio/web_studio.py": 6,  # stop files, and the pause file of a painting at the terminal
-    "frida_painter_studio/plan_pictures.py": 1,  # numbered previews of a plan
+    "frida_painter_studio/studio_folder.py": 1,  # a lock
+    "frida_painter_studio/web_studio.py": 5,  # stop files
+    "frida_painter_together/asking.py": 1,  # pictures with random names that it made itself
+    "frida_painter_together/inbox.py": 1,  # pictures with random names for the page
+    "frida_painter_together/plan_pictures.py": 1,  # numbered previews of a plan
     "frida_painter_studio/worker.py": 1,  # a stop file
     "frida_painter_studio/workers.py": 3,  # stop files
     "weights/cache.py": 5,  # downloads that are named by their hash, and their empty folder; the record

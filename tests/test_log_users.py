@@ -14,8 +14,8 @@ from frida_painter.errors import StorageError
 from frida_painter.event_log import FEED, JOURNAL, EventLog, LogPolicy, LogReader
 from frida_painter.virtual import simulation_log
 from frida_painter.virtual.simulation_log import SimulationLog
-from frida_painter_studio import commands
-from frida_painter_studio.studio_folder import PaintingFolder
+from frida_painter_together.commands import TakeTurns
+from frida_painter_together.inbox import Reply, send
 
 Record = dict[str, Any]
 BEGUN = {"kind": "painting_begun"}
@@ -43,9 +43,8 @@ def add_lines(folder: Path, count: int) -> None:
 
 def add_messages(folder: Path, count: int) -> None:
     for number in range(count):
-        given = commands.Reply(question="0" * 16, length=number / 10)
-        said = given if number % 2 else commands.TakeTurns(number)
-        commands.tell_worker(PaintingFolder(folder), said, "browser")
+        given = Reply(question="0" * 16, length=number / 10)
+        send(folder, given if number % 2 else TakeTurns(number))
     (folder / "log").unlink(missing_ok=True)
     (folder / "log").symlink_to(folder / "inbox.jsonl")
 

@@ -317,13 +317,13 @@ def _find_holder(path: Path) -> str:
 
 
 class LogReader:
-    """Reader of the new records of a forgiving log, while others write it.
+    """Reader of the new records of a forgiving log, while others write it; a line of over `most` bytes is skipped.
 
     The file may be missing at first. No record is returned twice, even if another file takes its place.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, most: int = MAX_BYTES) -> None:
+        self._path, self._most = path, most
         self._file = (0, 0)  # device and inode
         self._last, self._offset, self._read = _START, 0, 0
 
@@ -336,11 +336,11 @@ class LogReader:
         try:
             with storage.open_checked(self._path, FEED.what, MAX_BYTES) as file:
                 stat, again = os.fstat(file.fileno()), 0
-                if (stat.st_dev, stat.st_ino) != self._file:
+                if (stat.st_dev, stat.st_ino) != self._file or stat.st_size < self._offset:
                     self._file, again = (stat.st_dev, stat.st_ino), self._read
                     self._last, self._offset, self._read = _START, 0, 0
                 file.seek(self._offset)
-                content = file.read()
+                content = file.read(self._most)
         except (OSError, StorageError):
             return
         for line, record in _intact(content, self._last):
@@ -349,6 +349,8 @@ class LogReader:
                 self._read += 1
                 if self._read > again:
                     yield record
+        if content and not content.count(b"\n"):
+            self._offset += len(content) // self._most * self._most
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,9 @@ from pydantic import Field, model_validator
 from frida_painter.session import events
 from frida_painter.session.events import Event
 from frida_painter_studio.painting_state import Truth
-from frida_painter_studio.picture_choosing import MAX_MAKINGS, MakingOrder
-from frida_painter_studio.studio_folder import Brush, CanvasSides, KeptRequest
+from frida_painter_studio.picture_choosing import MAX_MAKINGS
+from frida_painter_studio.studio_folder import Brush, CanvasSides
+from frida_painter_together.inbox import KeptRequest, MakingOrder
 
 # Requests of the page; the worker reads them from the job's folder.
 
@@ -154,7 +155,7 @@ class JobState(ABC):
             case events.Began(what) if what == self.name:
                 self.progress, self.trouble, self.stopped, self.ended, self.question = "", "", False, False, None
         found = isinstance(event, events.ResultFound) and event.what in self.ends
-        if found or isinstance(event, events.Stopped | events.PicturesMade):
+        if found or isinstance(event, events.Stopped | events.CommandDone):
             self.ended, self.question = True, None
         self._hear(event)
 
@@ -328,14 +329,14 @@ class Imagining(JobState):
 
     words: str = ""
     maker: str = ""
-    makings: list[events.PicturesMade] = field(default_factory=list)
+    makings: list[events.MadePictures] = field(default_factory=list)
 
     def _hear(self, event: Event) -> None:
         match event:
             case events.Began(self.name, detail=order):
                 self.words, self.maker = str(order.get("words", "")), str(order.get("label", ""))
-            case events.PicturesMade():
-                self.makings = [*self.makings, event][-MAX_MAKINGS:]
+            case events.CommandDone(events.MadePictures() as made):
+                self.makings = [*self.makings, made][-MAX_MAKINGS:]
 
     def _details(self, working: bool) -> dict[str, Any]:
         makings = [

@@ -20,8 +20,8 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from frida_painter import locks
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter_studio.commands import Role
 from frida_painter_studio.security import Session, refuse
+from frida_painter_together.commands import Role
 
 _BETWEEN_SWEEPS = 0.5  # seconds
 _MAX = 400

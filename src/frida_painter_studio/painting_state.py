@@ -54,8 +54,8 @@ class Truth:
         except OSError:
             room = True
         # A painter may write a last picture after its folder was deleted, but no feed.
+        begun = (folder.painting / JOURNAL).is_file()
         there = folder.feed.is_file() or folder.is_of_terminal or not folder.painting.exists()
-        begun = not folder.is_of_terminal and (folder.painting / JOURNAL).is_file()
         return cls(working(folder), folder.path.is_dir() and there, begun, room, queued)
 
     @property
@@ -127,7 +127,6 @@ class PaintingPage:
     said: progress of the job in words.
     ended: "stopped" or "failed" if the job ended so.
     trouble: sentence about its last error, until another job begins.
-    question: open question, in the form of painter.py.
     painting: state of the painting, from its journal.
     times: what its work took.
     place: path of the painting's folder, which no page shows.
@@ -140,7 +139,6 @@ class PaintingPage:
     said: str = ""
     ended: Literal["", "stopped", "failed"] = ""
     trouble: str = ""
-    question: dict[str, Any] | None = None
     painting: PaintingState = field(default_factory=PaintingState)
     times: WorkTimes = field(default_factory=WorkTimes)
     place: str = ""
@@ -171,8 +169,6 @@ class PaintingPage:
                 plan = self.plans[number]
                 plan.status, plan.share, plan.left = "ready", 1.0, None
                 plan.made = detail
-            case events.Asked(question):
-                self.question = question
             case events.Stopped(reason):
                 self.ended, self.trouble = event.how, reason or self.trouble
                 self._end_plans(event.how)
@@ -198,7 +194,7 @@ class PaintingPage:
                 plan.share, plan.left, plan.said = progress.share, progress.left, ""
 
     def _begin(self, job: str) -> None:
-        self.job, self.said, self.trouble, self.ended, self.question = job, "", "", "", None
+        self.job, self.said, self.trouble, self.ended = job, "", "", ""
 
     def _end_plans(self, how: str) -> None:
         for plan in self.plans.values():
@@ -209,7 +205,7 @@ class PaintingPage:
 
     def status(self, truth: Truth) -> Status:
         """Returns the status of the painting: the only place where it is decided."""
-        stage, trouble = self._find_stage(truth), self.trouble
+        stage, trouble = self._find_stage(truth), self._end[1]
         if not trouble and self._is_taken_up:
             trouble = self._without_path(self.painting.trouble)
         resumable = stage in ("stopped", "failed") and truth.begun and not truth.working
@@ -248,15 +244,22 @@ class PaintingPage:
         whole = self.painting.finished and self.painting.results is not None  # made again, without a sitting
         return whole or self.painting.runs > self.sittings or self.job not in ("paint", "resume")
 
+    @property
+    def _end(self) -> tuple[str, str]:
+        """End and trouble of the last job, which count no more if a terminal has gone on with the painting since."""
+        gone_on = self.job in ("paint", "resume") and self.painting.runs > self.sittings + 1
+        return ("", "") if gone_on else (self.ended, self.trouble)
+
     def _find_doing(self, truth: Truth) -> Doing | None:
         """Returns what is done with the painting, or how it ended; None before a person began it."""
         painting, is_job, taken_up = self.painting, self.job in ("paint", "resume"), self._is_taken_up
         if not is_job and not painting.runs:
             return None
-        if taken_up and painting.doing in ENDS and (truth.working or not self.ended or painting.doing == "finished"):
+        ended = cast(Doing, self._end[0])
+        if taken_up and painting.doing in ENDS and (truth.working or not ended or painting.doing == "finished"):
             return painting.doing
-        if self.ended and is_job:
-            return self.ended
+        if ended and is_job:
+            return ended
         if not truth.working:
             return "failed"
         return painting.doing if taken_up else "preparing"
@@ -279,8 +282,8 @@ class PaintingPage:
         return {
             "version": self.version,
             **asdict(self.status(truth)),
-            "stopped": self.ended == "stopped" or (self.job != "plan" and self.painting.stopped),
-            "question": self.question if truth.working else None,
+            "stopped": self._end[0] == "stopped" or (self.job != "plan" and self.painting.stopped),
+            "question": self.painting.question if truth.working else None,
             "plans": plans,
             "painting": None if doing is None else self._describe_painting(doing),
         }
@@ -314,7 +317,7 @@ class PaintingPage:
             "replanned": None if made is None else {**made.shown, "done": made.done},
             "turns": state.turns.strokes,
             "game": {name: getattr(state.turns, name) for name in ("minutes", "policy", "keep")},
-            "region": {"picture": state.region.picture, "only": state.region.only} if state.region else None,
+            "region": {"picture": state.region.drawing, "only": state.region.only} if state.region else None,
             "remark": self._without_path(state.remark or state.unknown_sentence),
             "wish": state.goals[-1].wish if state.goals else None,
             "making": state.is_making,

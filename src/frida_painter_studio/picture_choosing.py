@@ -3,21 +3,22 @@
 The terminal that starts the studio names the makers, with their commands and addresses. A page knows only labels.
 """
 
-import json
 import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Any, Self
 from urllib.parse import urlsplit
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from frida_painter import registry, storage
 from frida_painter.errors import ConfigError
-from frida_painter.session.events import PicturesMade
+from frida_painter.session.events import MadePictures
 from frida_painter_studio.reader import check_makers
-from frida_painter_studio.studio_folder import MAKING_SUFFIX, CanvasSides, KeptRequest, Words
+from frida_painter_studio.studio_folder import MAKING_SUFFIX, CanvasSides
+from frida_painter_together.commands import MakerLabel, PlainWords
+from frida_painter_together.inbox import MakingOrder
 
 MADE = "made"
 """Folder of all makings in the folder for making pictures, each with a random name."""
@@ -55,6 +56,15 @@ class AllowedMakers:
             by_label[label] = maker
         return cls(by_label, minutes)
 
+    def order(self, words: str, label: str, **more: Any) -> MakingOrder:
+        """Returns the order for pictures. Raises ConfigError if its maker is not allowed here."""
+        maker = self.by_label.get(label)
+        if maker is None:
+            known = ", ".join(self.by_label)
+            advice = f"choose one of {known}" if known else "whoever starts the studio allows one with --imagine"
+            raise ConfigError(f"There is no picture maker {label[:60]!r} here; {advice}.")
+        return MakingOrder(words=words, maker=maker, label=label, minutes=self.minutes, **more)
+
 
 def label_of(maker: str) -> str:
     """Returns the label of a maker: its name and its program, host or network, without folders and settings."""
@@ -66,20 +76,6 @@ def label_of(maker: str) -> str:
         for word in words[: min(2, ends)]
     ]
     return f"{name}: {' '.join(shown)}" if shown else name
-
-
-def _require_plain(words: str) -> str:
-    """Refuses what a program could take for an option or for a file, because a visitor may type anything."""
-    if not words.isprintable():
-        raise ValueError("The words hold characters that cannot be printed; type them anew.")
-    if not words[0].isalnum():
-        raise ValueError(f"The words begin with {words[0]!r}; begin them with a letter or a digit.")
-    return words
-
-
-PlainWords = Annotated[Words, AfterValidator(_require_plain)]
-"""Words that a picture maker may be given."""
-MakerLabel = Annotated[str, Field(max_length=200)]
 
 
 class MakingRequest(CanvasSides):
@@ -96,30 +92,6 @@ class MakingRequest(CanvasSides):
     seed: int = Field(default=0, ge=0, le=2**31 - 1, strict=True)
 
 
-class MakingOrder(MakingRequest, KeptRequest):
-    """Request for pictures, completed by the studio for its worker.
-
-    maker: as in `--imagine NAME:TEXT`.
-    label: of the maker.
-    """
-
-    _name = "which pictures are to be made"
-
-    maker: str
-    label: str
-    minutes: float
-
-    @classmethod
-    def of(cls, request: MakingRequest, allowed: AllowedMakers) -> Self:
-        """Returns the order of a request. Raises ConfigError if its maker is not allowed here."""
-        label, known = request.maker, ", ".join(allowed.by_label)
-        if label not in allowed.by_label:
-            advice = f"choose one of {known}" if known else "whoever starts the studio allows one with --imagine"
-            raise ConfigError(f"There is no picture maker {label[:60]!r} here; {advice}.")
-        own = {"maker": allowed.by_label[label], "label": label, "minutes": allowed.minutes}
-        return cls(**request.model_dump() | own)
-
-
 class ChosenPicture(BaseModel):
     """Choice of a made picture, by the name of its file for the page."""
 
@@ -128,7 +100,7 @@ class ChosenPicture(BaseModel):
     picture: str = Field(max_length=80)
 
 
-def take_picture(chosen: ChosenPicture, makings: Sequence[PicturesMade], root: Path, pictures: Path) -> dict[str, str]:
+def take_picture(chosen: ChosenPicture, makings: Sequence[MadePictures], root: Path, pictures: Path) -> dict[str, str]:
     """Copies a made picture to the pictures for goals, with the record of its making.
 
     root: folder in which the makings name their pictures
@@ -148,9 +120,3 @@ def take_picture(chosen: ChosenPicture, makings: Sequence[PicturesMade], root: P
     reads = any(registry.are_here(name) for name in _CLIPS)
     told = f"Made from “{making.words}” by {making.maker}, seed {one['seed']}"
     return {"id": identifier, "made": told, "read": "yes" if reads else "no"}
-
-
-def plain_fact(fact: str) -> str:
-    """Returns a fact about a maker without the folders of this machine, for everybody at the page."""
-    words = (json.dumps(word)[1:-1] if not word.isprintable() else word for word in fact.split(" "))
-    return " ".join(Path(word).name if word.lstrip("'\"").startswith("/") else word for word in words)

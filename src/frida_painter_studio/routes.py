@@ -21,8 +21,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.types import Message, Receive, Scope, Send
 
 from frida_painter import storage
+from frida_painter.easel.kinds import INBOX, LIVE
 from frida_painter.errors import StorageError
-from frida_painter_studio.commands import Command, Reply, Role
 from frida_painter_studio.jobs import JOBS, Imagining, JobState
 from frida_painter_studio.picture_choosing import ChosenPicture, MakingRequest
 from frida_painter_studio.security import Led, Session, refuse
@@ -30,6 +30,8 @@ from frida_painter_studio.state import MAX_TOPICS, EventStream
 from frida_painter_studio.store import Entry
 from frida_painter_studio.studio_folder import PaintingRequest, working
 from frida_painter_studio.web_studio import Studio
+from frida_painter_together.commands import Command, Role
+from frida_painter_together.inbox import Reply
 
 # Files that are sent.
 
@@ -89,12 +91,12 @@ class _Outlet(io.RawIOBase):
 
 
 def zip_folder(folder: Path_module) -> Iterator[bytes]:
-    """Yields a ZIP file of a folder in pieces, without temporary files, links or hidden files."""
+    """Yields a ZIP file of a painting in pieces, without what serves only its page, links or hidden files."""
     outlet = _Outlet()
     with zipfile.ZipFile(outlet, "w", zipfile.ZIP_STORED) as archive:
         for path in sorted(folder.rglob("*")):
             inside = path.relative_to(folder)
-            hidden = any(part.startswith(".") for part in inside.parts)
+            hidden = inside.parts[0] in (INBOX, LIVE) or any(part.startswith(".") for part in inside.parts)
             if hidden or any((folder / part).is_symlink() for part in (inside, *inside.parents)):
                 continue
             try:

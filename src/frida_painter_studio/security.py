@@ -28,8 +28,9 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from frida_painter.errors import Interrupted, RobotStopped
-from frida_painter_studio.commands import LEAD_GOOD_FOR, Role
 from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_together.commands import Role
+from frida_painter_together.inbox import LEAD_GOOD_FOR
 
 _MAX_SESSIONS = {Role.watch: 200, Role.plan: 100, Role.operate: 50}
 _FREE_FAILURES, _FAILURES_COUNT_FOR = 10, 60.0  # wrong tokens; seconds

@@ -23,7 +23,6 @@ from starlette.types import ASGIApp
 
 from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped, StorageError
-from frida_painter_studio.commands import Role
 from frida_painter_studio.network import Certificate, Connections, Limits, WaitingProtocol, most_connections, share_lock
 from frida_painter_studio.picture_choosing import AllowedMakers
 from frida_painter_studio.routes import all_routes
@@ -33,6 +32,7 @@ from frida_painter_studio.stop_listener import StopProcess
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.web_app_easel import LOCAL, WebAppEasel
 from frida_painter_studio.web_studio import Studio
+from frida_painter_together.commands import Role
 
 # Web application of the studio: its routes, its middleware, and errors as sentences.
 

@@ -4,18 +4,19 @@ import json
 import re
 import secrets
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from frida_painter import images, storage
 from frida_painter.brush import FIELD
 from frida_painter.brush.kinds import brush_kind
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
+from frida_painter.easel.kinds import LIVE
 from frida_painter.easel.virtual_easel import open_virtual_easel
 from frida_painter.errors import Interrupted
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import ResultFound
+from frida_painter.session.events import CommandDone, ResultFound
 from frida_painter_calibration.procedures.strokes import StrokesProgress, strokes
 from frida_painter_calibration.teaching.evaluation import learn
 from frida_painter_calibration.teaching.families import write_family
@@ -23,13 +24,13 @@ from frida_painter_calibration.teaching.learned_pages import family_sheet
 from frida_painter_calibration.teaching.marks import learn_family, read_marks
 from frida_painter_calibration.teaching.training import TrainingProgress
 from frida_painter_studio.jobs import TeachingRequest
-from frida_painter_studio.picture_choosing import MADE, MAX_MAKINGS, MakingOrder, plain_fact
+from frida_painter_studio.picture_choosing import MADE, MAX_MAKINGS
 from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, PaintingFolder
-from frida_painter_together.proposing import record_making
-from frida_painter_words.picture_makers.making import MAX_PICTURES, Making, make_pictures, remove_making
+from frida_painter_together.inbox import MakingOrder, make_live_path
+from frida_painter_together.proposing import record_making, show_pictures, without_folders
+from frida_painter_words.picture_makers.making import MAX_PICTURES, make_pictures, remove_making
 
-_ROWS = 384  # of a picture for the page
 _SEED = 0
 
 
@@ -38,8 +39,9 @@ def imagine(folder: PaintingFolder, feed: Feed, stop: StopWatch) -> None:
 
     Raises StopPressed, MakingFailed, ConfigError and StorageError.
     """
-    order = MakingOrder.load(folder)
-    spec = RunSpec.of(goal=[{"text": order.words}], seed=order.seed, canvas=order.size)
+    order = MakingOrder.load(folder.path)
+    size = CanvasSize(order.width / 1000, order.height / 1000)
+    spec = RunSpec.of(goal=[{"text": order.words}], seed=order.seed, canvas=size)
     place = folder.path / MADE / secrets.token_hex(12)  # random, because everybody who knows a name may see the picture
     place.parent.mkdir(exist_ok=True)
     _forget_old(folder)
@@ -51,8 +53,8 @@ def imagine(folder: PaintingFolder, feed: Feed, stop: StopWatch) -> None:
     except Interrupted:
         stop.heed()
         raise
-    shown = show_pictures(making, folder.live, place.name)
-    feed.tell(record_making(without_folders(making), order.label, place.parent, shown))
+    shown = show_pictures(making, folder.path / LIVE, place.name)
+    feed.tell(CommandDone(record_making(without_folders(making), order.label, place.parent, shown)))
 
 
 def _forget_old(folder: PaintingFolder) -> None:
@@ -60,23 +62,8 @@ def _forget_old(folder: PaintingFolder) -> None:
     makings = (place for place in (folder.path / MADE).iterdir() if re.fullmatch("[0-9a-f]{24}", place.name))
     for place in sorted(makings, key=lambda place: place.stat().st_mtime)[: -(MAX_MAKINGS - 1)]:
         for number in range(1, MAX_PICTURES + 1):
-            (folder.live / f"made-{place.name}-{number}.jpg").unlink(missing_ok=True)
+            (folder.path / LIVE / f"made-{place.name}-{number}.jpg").unlink(missing_ok=True)
         remove_making(place)
-
-
-def without_folders(making: Making) -> Making:
-    """Returns a making whose facts name no folders of this machine, for everybody at the page."""
-    return replace(making, facts={name: plain_fact(fact) for name, fact in making.facts.items()})
-
-
-def show_pictures(making: Making, live: Path, secret: str) -> list[str]:
-    """Writes small copies of the pictures for the page, and returns their names, which hold what nobody can guess."""
-    names = [f"made-{secret}-{number}.jpg" for number, _ in enumerate(making.pictures, 1)]
-    for name, one in zip(names, making.pictures, strict=True):
-        rows, columns = one.picture.shape[1:]
-        small = min(rows, _ROWS)
-        images.save(images.fit(one.picture, small, max(1, round(columns * small / rows))), live / name)
-    return names
 
 
 def teach(request: TeachingRequest, folder: PaintingFolder, families: Path, say: Callable[[str], None]) -> ResultFound:
@@ -116,7 +103,7 @@ def teach(request: TeachingRequest, folder: PaintingFolder, families: Path, say:
         learned.model.save(file)
         sheet = family_sheet(family, taught, learned.model)
         sentence += f" Learned from {len(learned.library)} strokes that the virtual studio painted."
-    picture = folder.make_live_path("family", ".png")
+    picture = make_live_path(folder.path, "family", ".png")
     for place in (file.with_suffix(".png"), picture):
         images.save(sheet, place)
     told = {"brush": request.brush, "sentence": sentence, "picture": picture.name}

@@ -13,10 +13,10 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from frida_painter.easel.kinds import JOURNAL
-from frida_painter_studio.commands import Role
 from frida_painter_studio.jobs import JobState
 from frida_painter_studio.painting_state import PaintingPage, Truth
 from frida_painter_studio.studio_folder import FeedReader, PaintingFolder, QueuedJob
+from frida_painter_together.commands import Role
 
 # Cache of states, so that a feed is not read again for each request.
 

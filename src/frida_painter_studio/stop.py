@@ -23,10 +23,10 @@ from typing import Self
 
 from frida_painter import storage
 from frida_painter.errors import StorageError
-from frida_painter_studio.commands import Role
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PLAN_JOB, find_job, find_work
 from frida_painter_studio.workers import QUEUE
+from frida_painter_together.commands import Role
 
 # Secrets of pages for stops: they outlive sessions and restarts of the studio, and serve for nothing else.
 

@@ -29,7 +29,6 @@ from uvicorn.server import ServerState
 
 from frida_painter import locks, python_process, storage
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter_studio.commands import Role
 from frida_painter_studio.network import (
     STUDIO_LOCK,
     Certificate,
@@ -41,6 +40,7 @@ from frida_painter_studio.network import (
 )
 from frida_painter_studio.stop import END, StopKey, Stops, call, listen_locally
 from frida_painter_studio.studio_folder import find_work
+from frida_painter_together.commands import Role
 
 _PATIENCE = 3.0  # seconds for a whole request
 _MAX_BYTES = 8192

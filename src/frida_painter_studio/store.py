@@ -85,7 +85,6 @@ class PaintingStore:
         """Returns the folder of a job beside the paintings, made at the first use."""
         folder = PaintingFolder(self.root / name)
         folder.path.mkdir(mode=_OURS_ALONE, exist_ok=True)
-        folder.live.mkdir(exist_ok=True)
         return folder
 
     def begin(self, title: str) -> Entry:

@@ -20,8 +20,8 @@ from frida_painter.options import (
 )
 
 if TYPE_CHECKING:
-    from frida_painter_studio.commands import Role
     from frida_painter_studio.server import Links
+    from frida_painter_together.commands import Role
 
 
 _LOCAL = "127.0.0.1"
@@ -110,12 +110,12 @@ def studio(
     _require_address(address)
     registry.require("web", "fastapi", "The studio")
     registry.require("web", "uvicorn", "The studio")
-    from frida_painter_studio.commands import Role
     from frida_painter_studio.network import Certificate
     from frida_painter_studio.picture_choosing import AllowedMakers
     from frida_painter_studio.server import OPENING_PAGE, listen, read_links, serve
     from frida_painter_studio.store import PaintingStore
     from frida_painter_studio.web_app_easel import WebAppEasel
+    from frida_painter_together.commands import Role
 
     if link:
         links = read_links(folder.absolute())

@@ -1,61 +1,47 @@
 """Folder of one painting, shared by the page's process and the worker: files, names and their writers.
 
-The page's process writes requests, commands and the stop file; the worker writes all other files.
+The page's process writes requests and the stop file; the worker writes all other files. The painting itself lies in
+a folder of its own, as one that was begun at a terminal: with its journal, its inbox, and the pictures for the page.
 """
 
 import contextlib
 import os
 import re
-import secrets
 import shutil
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
     BaseModel,
-    ConfigDict,
     Field,
     StringConstraints,
-    ValidationError,
     create_model,
     model_validator,
 )
 
 from frida_painter import locks, registry, storage
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.kinds import JOURNAL, LIVE_PICTURE, STOP_FILE
+from frida_painter.easel.kinds import JOURNAL, LIVE, LIVE_PICTURE, REGIONS, STOP_FILE
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.event_log import FEED, EventLog, LogReader
-from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.planning.fields import brush_shares, family_shares
-from frida_painter.runs.goal_item import Crop, GoalItem
 from frida_painter.runs.spec import RunSpec, without_former
 from frida_painter.session.events import Advanced, Event, events_of, record, time_of
 from frida_painter_studio.form import CONTROLS, SETTINGS
 from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_together.commands import GoalRequest, goal_items, pictures_of
+from frida_painter_together.inbox import KeptRequest
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
 
-Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
-Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
 _CANVAS: CanvasSize = RunSpec.model_fields["canvas"].default
 Side = Annotated[float, Field(ge=60, le=2000, allow_inf_nan=False)]
 """Side of a canvas, mm."""
-
-
-def _find_known(kind: str) -> str:
-    known = goal_kinds().by_name
-    if kind not in known:
-        raise ValueError(f"There is no such kind of goal; there are {', '.join(known)}.")
-    return kind
-
-
-Kind = Annotated[str, AfterValidator(_find_known)]
 
 
 def _require_brush(name: str) -> str:
@@ -80,72 +66,6 @@ class CanvasSides(BaseModel):
         return CanvasSize(self.width / 1000, self.height / 1000)
 
 
-class KeptRequest(BaseModel):
-    """Request of the page that is written into a folder, for the worker.
-
-    _name: what is asked, in words.
-    _key: its name in the file, and the file's own.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-    _name: ClassVar[str]
-    _key: ClassVar[str] = "asked"
-
-    def keep(self, folder: "PaintingFolder | PlanFolder") -> None:
-        """Writes the request into the folder. Raises StorageError."""
-        storage.write_json(folder.path / f"{self._key}.json", {self._key: self.model_dump(mode="json")})
-
-    @classmethod
-    def load(cls, folder: "PaintingFolder | PlanFolder") -> Self:
-        """Returns the request from the folder. Raises StorageError."""
-        record = storage.read_json(folder.path / f"{cls._key}.json", cls._name)
-        try:
-            return cls.model_validate(record[cls._key])
-        except (KeyError, ValidationError) as cause:
-            raise StorageError(f"The request ({cls._name}) is damaged; ask again.") from cause
-
-
-class GoalRequest(BaseModel):
-    """One goal: words or the id of an uploaded picture, depending on its kind.
-
-    weight: its importance.
-    crop: part of the picture; None for the whole one.
-    made: line about how the picture was made from words, for the page.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    kind: Kind
-    picture: Identifier | None = None
-    words: Words | None = None
-    weight: float = Field(1.0, ge=0.01, le=100)
-    crop: Crop | None = None
-    made: Annotated[str, StringConstraints(max_length=600)] | None = None
-
-    @model_validator(mode="after")
-    def _is_one_thing(self) -> Self:
-        given, other = (self.words, self.picture) if self._is_of_words else (self.picture, self.words)
-        if given is None or other is not None:
-            raise ValueError("A goal is either words or a picture; say which words, or choose a picture.")
-        if self.words is not None and self.crop is not None:
-            raise ValueError("Words cannot be cropped; take the crop away.")
-        if self.words is not None and not self.words.isprintable():
-            raise ValueError("The words hold characters that cannot be printed; type them anew.")
-        return self
-
-    @property
-    def _is_of_words(self) -> bool:
-        return goal_kinds()[self.kind].gives is Gives.WORDS
-
-    def item(self, pictures: Path) -> GoalItem:
-        """Returns the goal as a goal item.
-
-        pictures: folder of the pictures, which are named by their ids.
-        """
-        value = self.words if self.words is not None else str(pictures / f"{self.picture}.png")
-        return GoalItem(kind=self.kind, value=value, weight=self.weight, crop=self.crop)
-
-
 def _type_of(name: str) -> Any:
     """Returns the type of a setting in a request: as in `RunSpec`, but a page names no file of this machine."""
     options = CONTROLS[name].options
@@ -159,7 +79,7 @@ _Settings: Any = create_model("_Settings", __base__=(KeptRequest, CanvasSides), 
 class PaintingRequest(_Settings):  # type: ignore[misc]  # made from `RunSpec`
     """Request for a painting: goals, goals of the start, sides of the canvas in mm, and the settings of the form."""
 
-    _name, _key = "what a person asked for", "wish"
+    _name, _key, _file = "what a person asked for", "wish", "wish.json"
 
     title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
     terms: tuple[GoalRequest, ...] = Field((), max_length=8)
@@ -188,14 +108,11 @@ class PaintingRequest(_Settings):  # type: ignore[misc]  # made from `RunSpec`
     @property
     def pictures(self) -> frozenset[str]:
         """Ids of the needed pictures."""
-        return frozenset(term.picture for term in (*self.terms, *self.initial) if term.picture is not None)
+        return pictures_of(*self.terms, *self.initial)
 
     def goals(self, pictures: Path) -> dict[str, Any]:
         """Returns the goals in the form of RunSpec; `pictures` as in GoalRequest.item."""
-        return {
-            name: tuple(term.item(pictures) for term in given)
-            for name, given in (("goal", self.terms), ("initial", self.initial))
-        }
+        return goal_items(pictures, self.terms, self.initial)
 
     def spec(self, easel: WebAppEasel, pictures: Path, families: Path) -> RunSpec:
         """Returns the description of the requested painting at an easel. Raises ConfigError.
@@ -229,10 +146,9 @@ PICTURES = "pictures"
 """Name of the folder of uploaded pictures in the studio's folder."""
 MAKING_SUFFIX = ".making.json"
 """End of the name of a file that records how the picture of the same name was made from words."""
-_PLACES = {"live": "live", "painting": ".", "sketchbook": "sketchbook"}
+_PLACES = {LIVE: LIVE, REGIONS: REGIONS, "painting": ".", "sketchbook": "sketchbook"}
 _SHOWN = re.compile(r"[a-z][a-z0-9-]{0,60}\.(png|jpg|mp4|json|svg|csv|gcode|html)")
 _MAX_PLANS = 24
-_TOKEN = "[0-9a-f]" * 24  # pattern of a random name
 _A_MOMENT = 1.0  # seconds
 _LOCKS = ".workers"
 _LONGEST_JOB = 20
@@ -260,7 +176,7 @@ class PlanFolder:
 
     def request(self) -> PaintingRequest:
         """Returns the request of the plan. Raises StorageError."""
-        return PaintingRequest.load(self)
+        return PaintingRequest.load(self.path)
 
 
 class _Inside:
@@ -281,16 +197,10 @@ class PaintingFolder:
 
     feed = _Inside("feed.jsonl")
     """File of the events, one per line; written by the worker."""
-    inbox = _Inside("inbox.jsonl")
-    """File of commands and answers to the worker's questions, one per line; written by the page's process."""
-    followed = _Inside("followed")
-    """File that the page's process renews every few seconds while a page follows the work in this folder."""
     easel = _Inside("easel")
     """Folder of a simulated robot's lock, because each painting has its own simulated robot."""
     stop = _Inside("stop")
     """File that stops the worker when it exists."""
-    live = _Inside("live")
-    """Folder of pictures that are shown during the work."""
 
     @property
     def is_of_terminal(self) -> bool:
@@ -314,23 +224,13 @@ class PaintingFolder:
 
     @property
     def pictures(self) -> Path:
-        """Folder of the studio's uploaded pictures; commands name pictures by their ids there."""
+        """Folder of the studio's uploaded pictures, which are named by their ids."""
         return self.path.parent / PICTURES
 
     @property
     def families(self) -> Path:
         """Folder of the studio's taught stroke families."""
         return self.path.parent / FAMILIES
-
-    def make_live_path(self, kind: str, suffix: str, *, alone: bool = False) -> Path:
-        """Returns a file for a picture in `live`; its name is random, because everybody who knows it may see it.
-
-        alone: True to remove the former pictures of that kind.
-        """
-        if alone:
-            for before in self.live.glob(f"{kind}-{_TOKEN}{suffix}"):
-                before.unlink()
-        return self.live / f"{kind}-{secrets.token_hex(12)}{suffix}"
 
     def stop_now(self) -> None:
         """Stops all work on this painting. Raises OSError."""
@@ -354,25 +254,34 @@ class PaintingFolder:
             raise StorageError(f"There are {_MAX_PLANS} plans already; choose one of them, or begin a new painting.")
         plan = self.plan(number)
         storage.new_folder(plan.path)
-        for file in (f"{name}{suffix}" for name in request.pictures for suffix in (".png", MAKING_SUFFIX)):
-            if file.endswith(".png") or (pictures / file).is_file():
-                storage.copy(pictures / file, plan.path / file, "a picture of this goal", storage.MAX_BYTES)
-        request.keep(plan)
+        copy_pictures(request.pictures, pictures, plan.path)
+        request.keep(plan.path)
         return plan
 
     def find_shown(self, place: str, name: str) -> Path | None:
         """Returns the file `name` of a place; None if it may not be shown.
 
-        place: "live", "painting", "sketchbook", or a plan's number.
+        place: "live", "regions", "painting", "sketchbook", or a plan's number.
         """
         if self.is_of_terminal and (place, name) == ("0", "plan.jpg"):
             place, name = "painting", "plan.png"
         if not (place in _PLACES or re.fullmatch(r"[1-9]\d?", place)) or not _SHOWN.fullmatch(name):
             return None
-        inside = self.path if place == "live" else self.painting
+        of_job = place == LIVE and not (self.painting / LIVE).is_dir()
+        inside = self.path if of_job else self.painting
         folder = self.plan(int(place)).path if place.isdecimal() else inside / _PLACES[place]
         path = (folder / name).resolve()
         return path if path.is_file() and path.is_relative_to(self.path.resolve()) else None
+
+
+def copy_pictures(names: Set[str], pictures: Path, folder: Path) -> None:
+    """Copies uploaded pictures, and the records of their makings, from `pictures` into a folder. Raises StorageError.
+
+    names: their ids.
+    """
+    for file in (f"{name}{suffix}" for name in names for suffix in (".png", MAKING_SUFFIX)):
+        if file.endswith(".png") or (pictures / file).is_file():
+            storage.copy(pictures / file, folder / file, "a picture of this goal", storage.MAX_BYTES)
 
 
 def require_disk(folder: Path, needed: int) -> None:
@@ -397,13 +306,16 @@ class WorkerLock:
     """
 
     def __init__(self, folder: PaintingFolder) -> None:
-        place = _lock_file(folder)
+        self._folder, place = folder, _lock_file(folder)
         place.parent.mkdir(mode=0o700, exist_ok=True)
         self._file = locks.open_lock(place)
 
     def take(self) -> bool:
-        """Takes the lock; returns True if it was free. It waits a moment for processes that only check the lock."""
-        taken = self.try_once(_A_MOMENT)
+        """Takes the lock; returns True if it was free, and if no terminal is at work on the painting.
+
+        It waits a moment for processes that only check the lock.
+        """
+        taken = self.try_once(_A_MOMENT) and not _is_painted(self._folder)
         if taken:
             self.sign("")  # the job of the worker before
         return taken
@@ -463,7 +375,12 @@ def _may_work(folder: PaintingFolder) -> bool:
 
 def working(folder: PaintingFolder) -> bool:
     """Returns True if a worker or a terminal is at work on the painting."""
-    return locks.is_held(_lock_file(folder)) or (folder.is_of_terminal and locks.is_held(folder.path / JOURNAL))
+    return locks.is_held(_lock_file(folder)) or _is_painted(folder)
+
+
+def _is_painted(folder: PaintingFolder) -> bool:
+    """Returns True if a process, whoever started it, holds the journal of the painting."""
+    return locks.is_held(folder.painting / JOURNAL)
 
 
 # Feed of a painting or a job: what is asked for and how the workers' processes fare. A painting itself is told by its

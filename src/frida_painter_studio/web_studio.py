@@ -8,27 +8,29 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from frida_painter import registry, storage
-from frida_painter.easel.kinds import PAUSE_FILE
+from frida_painter import registry
+from frida_painter.easel.kinds import GIVEN
 from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
 from frida_painter.session.events import Began
-from frida_painter_studio import commands, picture_choosing, studio_folder
-from frida_painter_studio.commands import Command, Reply, Role
+from frida_painter_studio import picture_choosing, studio_folder
 from frida_painter_studio.form import describe_form, name_settings
 from frida_painter_studio.jobs import JOBS, Imagining, JobState, Setup, TeachingRequest
 from frida_painter_studio.pace import LAST, WorkTimes, find_pace
 from frida_painter_studio.painting_state import PaintingPage, Status
-from frida_painter_studio.picture_choosing import AllowedMakers, ChosenPicture, MakingOrder, MakingRequest
+from frida_painter_studio.picture_choosing import AllowedMakers, ChosenPicture, MakingRequest
 from frida_painter_studio.security import Lead, Presence, Session
 from frida_painter_studio.state import FeedStates, Shown, StateStreams, Topic
 from frida_painter_studio.stop import Stops
 from frida_painter_studio.stop_listener import StopProcess
 from frida_painter_studio.store import Entry, PaintingStore, Uploads
-from frida_painter_studio.studio_folder import KeptRequest, PaintingFolder, PaintingRequest, PlanFolder, working
+from frida_painter_studio.studio_folder import PaintingFolder, PaintingRequest, PlanFolder, working
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import QUEUE, PaintingQueue, Workers, start_painting
+from frida_painter_together import commands
+from frida_painter_together.commands import Command, Role
+from frida_painter_together.inbox import FOLLOWED, KeptRequest, Reply, send
 
 _GALLERY_EVERY = 1.0  # seconds
 _AHEAD_EVERY, _MAX_AHEAD = 2.0, 100  # seconds, and newest paintings
@@ -178,7 +180,7 @@ class Studio:
         else:
             return None
 
-        sign = Followed(folder.followed) if name == Setup.name else None
+        sign = Followed(folder.path / FOLLOWED) if name == Setup.name else None
 
         def mark() -> object:
             if sign is not None:
@@ -212,7 +214,10 @@ class Studio:
     def _require_possible(self, request: PaintingRequest) -> None:
         """Raises ConfigError if a picture of the request is missing, or if a kind of goal is not ready."""
         self._require_pictures(request.pictures)
-        for kind in {term.kind for term in (*request.terms, *request.initial)}:
+        self._require_ready(*request.terms, *request.initial)
+
+    def _require_ready(self, *goals: commands.GoalRequest) -> None:
+        for kind in {goal.kind for goal in goals}:
             able = abilities()[kind]
             if not able["ready"]:
                 raise ConfigError(str(able["advice"]))
@@ -224,7 +229,8 @@ class Studio:
     def _plan(self, entry: Entry, request: PaintingRequest) -> None:
         """Starts the plan, or puts it into the queue if other work comes first."""
         folder = entry.folder
-        _require_ours(folder)
+        if folder.is_of_terminal:
+            raise Interrupted("This painting was begun at the terminal, with its plan; begin a new painting here.")
         if working(folder):
             raise Interrupted("The painter is at work on this painting already.")
         if self.queue.must_wait():
@@ -272,8 +278,7 @@ class Studio:
             start_painting(slot, plan)
 
     def resume(self, entry: Entry, by: Session) -> None:
-        """Resumes a painting that was stopped, killed or failed."""
-        _require_ours(entry.folder)
+        """Resumes a painting that was stopped, killed or failed, also one that was begun at the terminal."""
         folder, status = entry.folder, self._status(entry)
         if status.stage == "finished":
             raise Interrupted("This painting is finished; to paint it once more, take Paint again.")
@@ -281,7 +286,16 @@ class Studio:
             raise Interrupted("The painter is at work on this painting already.")
         if not status.resumable:
             raise Interrupted("There is nothing to go on with: no stroke was painted yet.")
-        plan, sittings = self.feeds.view(folder, PaintingPage, lambda state, truth: (state.plan, state.painting.runs))
+        plan, sittings, robot = self.feeds.view(
+            folder,
+            PaintingPage,
+            lambda state, truth: (state.plan, state.painting.runs, state.painting.settings.get("robot")),
+        )
+        if robot != self.easel.robot:
+            raise ConfigError(
+                f"This painting is painted by {robot!r}, and this studio is open for {self.easel.robot!r}; open the "
+                f"studio with --robot {robot}, or type: frida-painter resume {folder.painting.name}"
+            )
         studio_folder.require_disk(folder.path, _ROOM_TO_RESUME)
         with self.workers.slot_at(folder) as slot:
             self.presence.allow(self.easel)
@@ -295,19 +309,17 @@ class Studio:
         """Sends a command to the painter of a running painting."""
         if not (entry.folder.painting.is_dir() and working(entry.folder)):
             raise Interrupted("Nothing is being painted here at the moment.")
-        if entry.folder.is_of_terminal:
-            self.store.note(by.id, entry.id, commands.describe(command))
-            _tell_terminal(entry.folder, command)
-            return
+        pictures: Set[str] = frozenset()
         match command:
             case commands.Protect(picture) | commands.GivePicture(picture):
-                self._require_pictures({picture})
-            case commands.ChangeGoal(request):
-                self._require_possible(request)
+                pictures = {picture}
+            case commands.ChangeGoal(terms, initial):
+                self._require_ready(*terms, *initial)
+                pictures = commands.pictures_of(*terms, *initial)
             case commands.Propose(words, maker):
                 if self.painting(entry)["painting"]["making"] is not None:
                     raise Interrupted("Pictures are being made here already; wait until they are there, or stop it.")
-                MakingOrder.of(MakingRequest(words=words, maker=maker), self.makers).keep(entry.folder)
+                self.makers.order(words, maker).keep(entry.folder.painting)
             case commands.TakeTurns(policy=policy) if policy not in registry.parts(registry.TURN_POLICIES):
                 known = ", ".join(registry.parts(registry.TURN_POLICIES))
                 raise ConfigError(f"There is no way of taking turns {policy!r}; take one of {known}.")
@@ -317,15 +329,17 @@ class Studio:
                     raise Interrupted(commands.ROBOT_MOVES)
                 if painting["person"] is None:
                     raise Interrupted("Nobody can paint through the page here; paint on the canvas with a real brush.")
+        self._require_pictures(pictures)
+        studio_folder.copy_pictures(pictures, self.store.pictures, entry.folder.painting / GIVEN)
         self.store.note(by.id, entry.id, commands.describe(command))
-        commands.tell_worker(entry.folder, command, by.id)
+        send(entry.folder.painting, command)
 
     def answer(self, of: Entry | type[JobState], given: Reply, by: Session) -> None:
         """Answers a question of a painter or a job, moves brush or tip as asked, or leaves the setup."""
         name, folder = (of.id, of.folder) if isinstance(of, Entry) else (of.name, self.store.job(of.name))
-        asked = self.painting(of) if isinstance(of, Entry) else self.job(of)
+        asked, place = (self.painting(of), folder.painting) if isinstance(of, Entry) else (self.job(of), folder.path)
         self.store.note(by.id, name, f"answer: {given.words}")
-        _hand_on(given, folder, asked["question"], by.id)
+        _hand_on(given, folder, asked["question"], place)
 
     def delete(self, entry: Entry, by: Session) -> None:
         """Deletes a painting with all its files, while no worker can begin there."""
@@ -354,14 +368,15 @@ class Studio:
             folder.stop.unlink(missing_ok=True)
             started = job.begin(order)
             self.store.note(by.id, job.name, f"start {started.detail}")
-            order.keep(folder)
+            order.keep(folder.path)
             studio_folder.tell_once(folder, started)
             slot.start(job.name, folder.plan(1))
 
     def _complete(self, request: KeptRequest | MakingRequest) -> KeptRequest:
         """Returns the request for the worker. Raises ConfigError for a taken name or a maker that is not allowed."""
         if isinstance(request, MakingRequest):
-            return MakingOrder.of(request, self.makers)
+            more = request.model_dump(exclude={"words", "maker"})
+            return self.makers.order(request.words, request.maker, **more)
         if isinstance(request, TeachingRequest) and request.name in self._families:  # paintings with it may go on
             raise ConfigError(f"There is a stroke family {request.name!r} already; give yours another name.")
         return request
@@ -390,28 +405,6 @@ class Studio:
         return made
 
 
-def _require_ours(folder: PaintingFolder) -> None:
-    """Raises Interrupted if a painting was begun at the terminal."""
-    if folder.is_of_terminal:
-        raise Interrupted(
-            f"This painting was begun at the terminal; go on with it there: frida-painter resume {folder.path.name}"
-        )
-
-
-def _tell_terminal(folder: PaintingFolder, command: Command) -> None:
-    """Pauses a painting that was begun at the terminal, or lets it go on. Raises Interrupted for another command."""
-    pause = folder.painting / PAUSE_FILE
-    try:
-        if command == commands.PAUSE:
-            pause.touch()
-        elif command == commands.GO_ON:
-            pause.unlink(missing_ok=True)
-        else:
-            raise Interrupted("This painting was begun at the terminal: here it can be watched, paused and stopped.")
-    except OSError as error:
-        raise storage.cannot_write(pause, error) from error
-
-
 @dataclass
 class Followed:
     """Sign for a worker in another process that a page follows it: a file whose time changes."""
@@ -433,13 +426,13 @@ def _may_move(at_work: list[PaintingFolder]) -> bool:
     return any(studio_folder.find_job(folder) not in still for folder in at_work)
 
 
-def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, by: str) -> None:
-    """Hands an answer to the waiting worker. Raises Interrupted if the question is no longer open, ConfigError."""
+def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, place: Path) -> None:
+    """Hands an answer to whoever asks, by the inbox in `place`. Raises Interrupted if nobody asks now, ConfigError."""
     if not isinstance(asked, dict) or asked.get("id") != given.question or not working(folder):
         raise Interrupted("This is not asked any more; look at the page.")
     if not (given.leave and asked.get("leave") is True):
         given.answering(str(asked["kind"]), asked)
-    commands.tell_worker(folder, given, by)
+    send(place, given)
 
 
 def _best_picture(folder: PaintingFolder) -> str | None:

@@ -8,18 +8,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from torch import Tensor
-
 from frida_painter import event_log, images, storage
 from frida_painter.brush.kinds import StrokeModel, brush_kind
-from frida_painter.calibration import Calibration, Corners
+from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
-from frida_painter.easel.dialogue import Confirm, PointCorners
+from frida_painter.easel.dialogue import Answer, SetupQuestion
 from frida_painter.easel.kinds import SIMULATION_LOG, STOP_FILE
 from frida_painter.errors import (
-    CalibrationError,
     ConfigError,
     FridaError,
     Interrupted,
@@ -30,18 +27,15 @@ from frida_painter.export.vector import plan_widths, svg
 from frida_painter.exporter import ExportOptions, export_plan
 from frida_painter.hardware.easel import Easel
 from frida_painter.mixing.recipe import volumes
-from frida_painter.perception.snapshot import find_corners
 from frida_painter.plan import Plan
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
 from frida_painter.report.painters import PERSON, find_painters
-from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.settle import ground_of, paints_for_recipes
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events
-from frida_painter.session.controls import Controls
 from frida_painter.session.opening import adopt_camera, statuses
 from frida_painter.session.time_left import PlanTime, share_of_plan
 from frida_painter_calibration.calibrating import (
@@ -52,12 +46,14 @@ from frida_painter_calibration.calibrating import (
 )
 from frida_painter_calibration.machine_setup import SetupEvent, SetupOrder, lead_setup
 from frida_painter_studio.jobs import CalibrationRequest, SetupRequest, TeachingRequest
-from frida_painter_studio.painter import Asker, PauseController
-from frida_painter_studio.plan_pictures import GrowingPlan, PlanPictures, draw_plan
 from frida_painter_studio.side_jobs import imagine, teach
 from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, PaintingFolder, PlanFolder
 from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_together.asking import Asker
+from frida_painter_together.conductor import Conductor
+from frida_painter_together.inbox import make_live_path
+from frida_painter_together.plan_pictures import GrowingPlan, draw_plan
 
 _BETWEEN_WORDS = 0.5  # seconds
 
@@ -75,7 +71,6 @@ class Job:
     easel: WebAppEasel
     feed: Feed
     stop: StopWatch
-    asker: Asker
     began: float = field(default_factory=time.time, kw_only=True)
 
     @property
@@ -103,22 +98,23 @@ def _make_ready(folder: Path) -> None:
 
 def calibrate(job: Job) -> None:
     """Runs the requested procedures in order; saves each result at once."""
-    request, folder = CalibrationRequest.load(job.folder), job.folder.painting
+    request, folder = CalibrationRequest.load(job.folder.path), job.folder.painting
+    answer = Asker(job.folder.path, job.feed.tell, job.stop.heed).answer
     _make_ready(folder)
     size: dict[str, Any] = {} if job.easel.workspace else {"canvas": request.size}
     spec = RunSpec.of(brush=request.brush, seed=request.seed, **size, **job.easel.settings)
     with easel_of(spec, folder, job.state) as easel:
-        here = with_operator(easel, spec, job.asker.answer)
+        here = with_operator(easel, spec, answer)
         try:
             job.stop.then(here.robot.stop)
-            here = connect_easel(here, job.asker.answer, job.feed.say)
-            _lead_all(job, request, here)
+            here = connect_easel(here, answer, job.feed.say)
+            _lead_all(job, request, here, answer)
         finally:
             here.camera.close()
             here.robot.close()
 
 
-def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
+def _lead_all(job: Job, request: CalibrationRequest, here: Easel, answer: Callable[[SetupQuestion], Answer]) -> None:
     path, feed = job.easel.record, job.feed
     known = record_to_renew(path, here.calibration, anew=request.whole)
     _tell_status(feed, known, here.calibration)
@@ -130,10 +126,10 @@ def _lead_all(job: Job, request: CalibrationRequest, here: Easel) -> None:
     for name in request.what:
         feed.tell(events.Began("procedure", name))
         setup = CalibrationSetup(here, brush_kind(request.brush), path, request.seed, request.count, say)
-        finding, known = calibrate_one(name, setup, known, job.asker.answer)
+        finding, known = calibrate_one(name, setup, known, answer)
         told: dict[str, Any] = {"sentence": finding.sentence, "picture": None}
         if finding.picture is not None:
-            shown = job.folder.make_live_path(f"found-{name}", ".png", alone=True)
+            shown = make_live_path(job.folder.path, f"found-{name}", ".png", alone=True)
             images.save(finding.picture, shown)
             told["picture"] = shown.name
         feed.tell(events.ResultFound("procedure", name, detail=told))
@@ -153,7 +149,7 @@ def _tell_status(feed: Feed, record: Calibration, easel: Calibration) -> None:
 
 def teach_stroke(job: Job) -> None:
     """Learns a stroke family from a person's marks."""
-    request = TeachingRequest.load(job.folder)
+    request = TeachingRequest.load(job.folder.path)
 
     def say(words: str) -> None:
         job.stop.heed()
@@ -170,9 +166,9 @@ def teach_stroke(job: Job) -> None:
 
 def set_up(job: Job) -> None:
     """Sets a machine up, or goes on with a setup that was left."""
-    request, folder = SetupRequest.load(job.folder), job.folder.painting
+    request, folder = SetupRequest.load(job.folder.path), job.folder.painting
     _make_ready(folder)
-    asker = Asker(job.folder, job.feed, job.stop, may_leave=True)
+    asker = Asker(job.folder.path, job.feed.tell, job.stop.heed, may_leave=True)
 
     def tell(event: SetupEvent) -> None:
         if isinstance(event, events.ResultFound) and event.what == "setup":
@@ -190,31 +186,26 @@ def set_up(job: Job) -> None:
 
 def _show_sheet(written: events.ResultFound, folder: PaintingFolder) -> events.ResultFound:
     """Copies the picture of a finished setup for the page; returns the event with the copy's name."""
-    shown = folder.make_live_path("setup", ".png", alone=True)
+    shown = make_live_path(folder.path, "setup", ".png", alone=True)
     storage.copy(Path(written.detail["sheet"]), shown, "the picture of the setup", storage.MAX_BYTES)
     return replace(written, detail=written.detail | {"sheet": shown.name})
 
 
-# Painting by a worker: it starts or resumes the run of a requested painting.
+# Painting by a worker: it starts or resumes the run of a requested painting, and people lead it.
 
 
 def paint(job: Job, place: PlanFolder) -> None:
     """Paints the plan, with replans as the description says."""
-    folder, plan = job.folder.painting, Plan.load(place.plan)
+    plan = Plan.load(place.plan)
     spec = job.spec(place).with_values(ground=ground_of(plan))
-    with PaintingRun(spec, folder, state=job.state, record_may_differ=True) as run:
-        _tell_waits(job, run)
-        run.load_easel()  # loads in parallel with the planner
-        job.stop.heed()
+    with PaintingRun(spec, job.folder.painting, state=job.state, record_may_differ=True) as run:
         _lead(job, run)
         _conclude(job, run.start(plan))
 
 
 def resume(job: Job, place: PlanFolder) -> None:
-    """Resumes a painting that was stopped, killed or failed, from its journal."""
+    """Resumes a painting that was stopped, killed or failed, whoever began it, from its journal."""
     with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
-        _tell_waits(job, run)
-        run.load_easel()
         _lead(job, run)
         _conclude(job, run.resume())
 
@@ -225,48 +216,13 @@ def _tell_waits(job: Job, run: PaintingRun) -> None:
 
 
 def _lead(job: Job, run: PaintingRun) -> None:
-    """Connects the run to the page: reports, questions and controls."""
+    """Opens the easel of a run, and has people lead the run by its inbox."""
+    _tell_waits(job, run)
+    run.load_easel()  # loads in parallel with the planner
+    job.stop.heed()
     job.stop.then(run.open_easel().robot.stop)
-    planner = run.planner
-    shown = planner.bare, planner.models, planner.size
-    run.keepers.append(PlanPictures(job.folder.live, *shown, in_turns=run.spec.together).hear)
-
-    def look_at(picture: Path) -> None:
-        given = GivenPicture(picture)
-        photograph = given.load()
-        found: Corners | None = None
-        with suppress(CalibrationError):
-            found = find_corners(photograph, planner.size)
-        question = "Where are the canvas's corners in this picture? Go round it, from any of them."
-        corners = job.asker.answer(PointCorners(question, images.from_uint8(photograph), found))
-        assert isinstance(corners, tuple)
-        run.look_at_picture(replace(given, corners=corners))
-
-    pauses = PauseController(
-        job.folder, run.report, job.stop, job.began, lambda: run.session, look_at, job.asker.answer
-    )
-    if run.history is not None:
-        pauses.owe(run.history.request, run.history.proposed)
-
-    def paint_on(difference: str, photograph: Tensor) -> bool:
-        question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"
-        return job.asker.answer(Confirm(question, photograph, proposal=False)) is True
-
-    def repaint(number: int, picture: Tensor) -> bool:
-        question = f"Stroke {number} was begun, and nothing tells whether it was painted. Paint it again?"
-        return job.asker.answer(Confirm(question, picture, proposal=False)) is True
-
-    run.listeners.append(pauses.hear)
     run.finish = partial(_add_results, run)
-    run.controls = Controls(
-        stop_asked=lambda: job.stop.asked,
-        pause_cause=pauses.pause_cause,
-        go_on=pauses.go_on,
-        answer=job.asker.answer,
-        paint_on=paint_on,
-        repaint=repaint,
-        adapt=pauses.adapt_alone,
-    )
+    run.controls = Conductor.lead(run, lambda: job.stop.asked, job.stop.heed, job.began).controls
 
 
 def _conclude(job: Job, outcome: RunOutcome) -> None:

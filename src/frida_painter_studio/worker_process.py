@@ -31,16 +31,14 @@ def do_job(what: str, path: Path, number: int, lock: BinaryIO, easel: WebAppEase
     easel: of the studio
     """
     folder = PaintingFolder(path)
-    folder.live.mkdir(exist_ok=True)
     feed = Feed(folder)
     stop = StopWatch(folder.stop, folder.path.parent, what)
     if what == PLAN_JOB:
         stop.then(partial(end_at_once, folder))
     try:
-        from frida_painter_studio.painter import Asker
         from frida_painter_studio.worker import Job, work
 
-        job = Job(folder, easel, feed, stop, Asker(folder, feed, stop))
+        job = Job(folder, easel, feed, stop)
         work(what, job, folder.plan(number))
     except StopPressed:
         feed.tell(Stopped())

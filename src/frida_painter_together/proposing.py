@@ -2,13 +2,16 @@
 
 The person chooses one, and the rest is planned towards it, or goes on without. The pictures, the canvas that they
 begin from and the record of their making lie in `changes/N` of the painting's folder, and a chosen goal in the next
-one. The journal has what was asked (`RequestTaken`), what was made (`PicturesMade`) and what was chosen
-(`GoalChanged`), each before the person hears of it, so that a painting that breaks off in between goes on from there.
+one. The journal has what was asked (`CommandTaken`), and what was made and chosen (`CommandDone`),
+each before the person hears of it, so that a painting that breaks off in between goes on from there.
 """
 
+import json
+import secrets
 import select
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +23,7 @@ from torch import Tensor
 
 from frida_painter import images, storage
 from frida_painter.cli.options import read_line
+from frida_painter.easel.kinds import REGIONS
 from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.frames import PixelGrid
 from frida_painter.planning.problem import Region, region_of
@@ -27,7 +31,7 @@ from frida_painter.runs.goal_item import MAKING, making_facts, read_prompt
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_folder import keep_goal
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import GoalChanged, PicturesMade, RegionProtected, RequestTaken
+from frida_painter.session.events import CommandDone, CommandTaken, DrawnRegion, MadePictures, NewGoal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter_words.picture_makers.making import (
@@ -43,6 +47,7 @@ if TYPE_CHECKING:
     from frida_painter.runs.run import PaintingRun
 
 _CHANGES = "changes"
+_SHOWN_ROWS = 384  # of a picture for the page
 _ROUNDS = 3  # rounds of a replan after a change of the goal
 
 
@@ -87,11 +92,11 @@ def require_goal(session: PaintingSession) -> None:
         raise ConfigError("You draw together without a goal; begin another painting for a goal.")
 
 
-def record_making(making: Making, maker: str, root: Path, shown: Sequence[str]) -> PicturesMade:
-    """Writes the record of a making, with its best picture until a person chooses, and returns its event.
+def record_making(making: Making, maker: str, root: Path, shown: Sequence[str]) -> MadePictures:
+    """Writes the record of a making, with its best picture until a person chooses, and returns what is told of it.
 
     maker: label of the maker
-    root: folder in which the event names the pictures
+    root: folder in which it names the pictures
     shown: file of each picture for the page
     """
     making.choose(making.best, making.rule)
@@ -99,7 +104,28 @@ def record_making(making: Making, maker: str, root: Path, shown: Sequence[str]) 
         {"picture": name, "file": one.file.relative_to(root).as_posix(), "seed": one.seed}
         for name, one in zip(shown, making.pictures, strict=True)
     ]
-    return PicturesMade(making.words, maker, pictures, making.best, making.rule, list(making.faults))
+    return MadePictures(making.words, maker, pictures, making.best, making.rule, list(making.faults))
+
+
+def without_folders(making: Making) -> Making:
+    """Returns a making whose facts name no folders of this machine, for everybody at the page."""
+    return replace(making, facts={name: plain_fact(fact) for name, fact in making.facts.items()})
+
+
+def show_pictures(making: Making, live: Path, secret: str) -> list[str]:
+    """Writes small copies of the pictures for the page, and returns their names, which hold what nobody can guess."""
+    names = [f"made-{secret}-{number}.jpg" for number, _ in enumerate(making.pictures, 1)]
+    for name, one in zip(names, making.pictures, strict=True):
+        rows, columns = one.picture.shape[1:]
+        small = min(rows, _SHOWN_ROWS)
+        images.save(images.fit(one.picture, small, max(1, round(columns * small / rows))), live / name)
+    return names
+
+
+def plain_fact(fact: str) -> str:
+    """Returns a fact about a maker without the folders of this machine, for everybody at the page."""
+    words = (json.dumps(word)[1:-1] if not word.isprintable() else word for word in fact.split(" "))
+    return " ".join(Path(word).name if word.lstrip("'\"").startswith("/") else word for word in words)
 
 
 def pursue(
@@ -121,31 +147,25 @@ def pursue(
     goal = open_goal(wanted).fit_to(grid.rows, grid.columns)
     facts = making_facts(*wanted.goal, *wanted.initial) or wanted.goal_facts
     done = 0 if session.so_far is None else session.so_far.painted
-    changed = GoalChanged(kept, wish, done, tuple(fact for _, fact in facts))
-    session.note(changed)
+    session.note(CommandDone(NewGoal(kept, wish, done, tuple(fact for _, fact in facts))))
     session.planner = session.planner.towards(goal)
     session.look_again(_ROUNDS)
 
 
-def keep_region(folder: Path, drawing: Tensor) -> str:
-    """Saves the drawing [3, H, W] of a region into the painting's folder; returns its name there."""
-    name = f"regions/{storage.next_number(folder / 'regions', '')}.png"
-    images.save(drawing, folder / name)
-    return name
+def mark(session: PaintingSession, folder: Path, drawing: Tensor, *, only: bool) -> None:
+    """Forbids strokes on the part of the canvas that is drawn [3, H, W], or, with `only`, all others, and notes it.
 
-
-def forbid(
-    session: PaintingSession, folder: Path, forbidden: NDArray[np.bool_], show: Callable[[Tensor], str | None]
-) -> RegionProtected:
-    """Forbids strokes on a part of the canvas [H, W], notes it and returns the event; nothing is replanned.
-
-    show: writes the drawing [3, H, W] of that part for the page, and returns its name
+    Nothing is replanned. The drawing is kept under a name that nobody can guess, because pages show it.
     """
-    drawing = torch.from_numpy(forbidden).float().expand(3, -1, -1)
-    session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=False))
-    region = RegionProtected(keep_region(folder, drawing), False, show(drawing))
-    session.note(region)
-    return region
+    session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
+    name = f"region-{secrets.token_hex(12)}.png"
+    images.save(drawing, folder / REGIONS / name)
+    session.note(CommandDone(DrawnRegion(name, only)))
+
+
+def forbid(session: PaintingSession, folder: Path, forbidden: NDArray[np.bool_]) -> None:
+    """Forbids strokes on a part of the canvas [H, W], like `mark`."""
+    mark(session, folder, torch.from_numpy(forbidden).float().expand(3, -1, -1), only=False)
 
 
 def union_of(region: Region | None, painted: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -181,7 +201,8 @@ class Proposer:
         self._run, self._maker, self._stop_asked, self._ask, self._confirm = run, maker, stop_asked, ask, confirm
         self._typed, self._talking = "", False
         history = run.history
-        self._owed: dict[str, Any] = {} if history is None else history.request
+        # A request that names a maker came from a page.
+        self._owed: dict[str, Any] = {} if history is None or "maker" in history.request else history.request
         self._proposed = None if history is None else history.proposed
         _tell(
             "To change the painting, type what shall change and press Enter, at any time."
@@ -234,21 +255,21 @@ class Proposer:
         words = read_prompt(words, "The change")
         session, folder = self._run.session, self._run.folder
         assert session is not None
-        session.note(RequestTaken({"kind": "propose", "words": words}))
+        session.note(CommandTaken({"kind": "propose", "words": words}))
         own = session.person.find_own_paint()
         share = 0.0 if own is None else max(1.0, 100 * float(own.mean()))
         if own is not None and self._confirm(f"You painted about {share:.0f} % of the canvas. Shall it stay as it is?"):
-            forbid(session, folder, union_of(session.planner.region, own), lambda drawing: None)
+            forbid(session, folder, union_of(session.planner.region, own))
         try:
             making = propose(session, folder, words, self._maker, stop_asked=self._stop_asked, tell=_tell)
         except FridaError:
-            session.note(RequestTaken({}))
+            session.note(CommandTaken({}))
             raise
         made = record_making(making, making.made_by, folder, [""] * len(making.pictures))
-        session.note(made)
+        session.note(CommandDone(made))
         self._choose(made)
 
-    def _choose(self, made: PicturesMade) -> None:
+    def _choose(self, made: MadePictures) -> None:
         """Asks for a picture of a making, and plans towards it; none is chosen by Enter."""
         folder, count = self._run.folder, len(made.pictures)
         _tell(f"Made from the canvas, {made.words!r}, by {made.maker}:")
@@ -264,13 +285,13 @@ class Proposer:
     def _pursue(self, file: str) -> None:
         session, picture = self._run.session, self._run.folder / file
         assert session is not None
-        session.note(RequestTaken({"kind": "choose", "file": file}))
+        session.note(CommandTaken({"kind": "choose", "file": file}))
         _tell("The rest is planned towards it, with the paints that are mixed.")
         record = storage.read_json(picture.parent / MAKING, "the record of a making")
         chosen = {"chosen": picture.name, "because": "a person chose it"}
         storage.write_json(picture.parent / MAKING, record | chosen)
         pursue(session, self._run.folder, RunSpec.of(goal=[{"image": str(picture)}]), {})
-        session.note(RequestTaken({}))
+        session.note(CommandTaken({}))
 
 
 def _tell(sentence: str) -> None:

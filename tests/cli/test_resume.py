@@ -235,4 +235,4 @@ def change_middle(path: Path) -> None:
 def test_a_painting_that_another_process_works_on_is_left_to_it(resume: Resume, painting: Path) -> None:
     with EventLog(painting / "journal"):
         status, said = resume("painting", "--yes")
-    assert status == 2 and "being written by another process" in said
+    assert status == 2 and "being written by" in said

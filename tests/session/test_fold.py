@@ -43,13 +43,15 @@ TOLD: list[Event] = [
     events.Planned(1, 5, 0.5, 0.4, None, "d.jpg"),
     events.Drying(1, 30.0),
     events.Paused("You asked.", 1, "person"),
-    events.RequestTaken({"kind": "propose", "words": "a sea"}),
-    events.PicturesMade("a sea", "maker", [{"picture": "p.jpg", "file": "f", "seed": 1}], 0, "first", []),
-    events.RegionProtected("regions/1.png", only=True, picture="region.png"),
-    events.GoalChanged("changes/1", {"terms": []}, 1, ("words",)),
+    events.CommandTaken({"kind": "propose", "words": "a sea"}),
+    events.CommandDone(
+        events.MadePictures("a sea", "maker", [{"picture": "p.jpg", "file": "f", "seed": 1}], 0, "first", [])
+    ),
+    events.CommandDone(events.DrawnRegion("1.png", only=True)),
+    events.CommandDone(events.NewGoal("changes/1", {"terms": []}, 1, ("words",))),
     events.StrokeOfPerson(1, {}, COLOR),
     events.StrokeOfPerson(1, {}, COLOR, painted=True),
-    events.Turns(3, 0.0, "continue", "protect"),
+    events.CommandDone(events.Turns(3, 0.0, "continue", "protect")),
     events.WentOn(),
     events.StrokeLeftOut(2, 6),
     events.BrushInHand(None),
@@ -164,7 +166,7 @@ def test_a_painting_is_folded_for_those_who_resume_it() -> None:
     state = fold(events.PaintingBegun({"strokes": 6}, {}), *TOLD)
     assert (state.painted, state.of, state.given_up, state.in_doubt) == (6, 6, [2, 3], None)
     assert (state.dips, state.cleanings, state.runs, state.photographed) == ({3: 1}, 1, 2, 2)
-    assert state.region is not None and (state.region.region, state.goal) == ("regions/1.png", "changes/1")
+    assert state.region is not None and (state.region.drawing, state.goal) == ("1.png", "changes/1")
     assert (state.finished, state.robot_seconds, state.doing) == (True, 4.5, "finished")
     assert (state.person_painted, state.person_seen, state.turns.strokes) == (1, 0, 3)
     assert state.plannings == [TOLD[2]] and state.is_pictured is False
@@ -187,8 +189,8 @@ def test_a_painting_is_folded_for_those_who_watch_it() -> None:
     asked = fold(*TOLD[:19])
     assert (asked.doing, asked.paused, asked.is_making) == ("planning", True, "a sea")
     made = fold(*TOLD[:20])
-    assert made.proposed is TOLD[19] and made.is_making is None
-    refused = fold(*TOLD[:19], events.RequestTaken({}))
+    assert events.CommandDone(made.proposed) == TOLD[19] and (made.is_making, made.doing) == (None, "paused")
+    refused = fold(*TOLD[:19], events.CommandTaken({}))
     assert (refused.doing, refused.proposed) == ("paused", None)
     assert fold(*TOLD[:26]).paused is False and fold(*TOLD[:26]).proposed is None
     assert fold(*TOLD[:31]).trouble == "The robot is gone." and fold(*TOLD[:32]).trouble == ""
@@ -212,16 +214,16 @@ def test_the_time_of_a_whole_painting_is_that_of_its_first_plan() -> None:
 @pytest.mark.parametrize(
     ("asked", "why"),
     [
-        ([events.RegionProtected("r.png")], "region"),
-        ([events.RegionProtected("r.png", only=True)], "only"),
-        ([events.RegionProtected(None)], "freed"),
-        ([events.GoalChanged("changes/1", {})], "goal"),
+        ([events.CommandDone(events.DrawnRegion("r.png"))], "region"),
+        ([events.CommandDone(events.DrawnRegion("r.png", only=True))], "only"),
+        ([events.CommandDone(events.DrawnRegion(None))], "freed"),
+        ([events.CommandDone(events.NewGoal("changes/1", {}))], "goal"),
         ([], "asked"),
     ],
 )
 def test_a_look_tells_what_a_person_had_asked_for_before_it(asked: list[Event], why: str) -> None:
     look = events.Looked(3, LOOK)
-    state = fold(events.Paused("", 3), events.RequestTaken({"kind": "look"}), *asked, look, events.WentOn(), look)
+    state = fold(events.Paused("", 3), events.CommandTaken({"kind": "look"}), *asked, look, events.WentOn(), look)
     assert [each.why for each in state.looks] == [why, ""]
 
 
@@ -280,7 +282,7 @@ def test_a_clock_that_is_set_costs_an_hour_at_most_and_no_number_is_below_zero(n
         state.hear(events.StrokePainted(done), now)
     assert state.seconds == pytest.approx(counted)
     assert 0 <= state.time.remaining <= 2 * counted / len(steps) + 1e-6
-    state.hear(events.Drying(len(steps), 100.0, 80.0), now)
+    state.hear(events.Drying(len(steps), 80.0), now)
     for looked in (-DAY, -36525 * DAY, 0.0):
         assert state.wet(now + timedelta(seconds=looked)) == 80, "what is not sure to be dry is wet"
     state.hear(events.SessionResumed(len(steps)), now - timedelta(days=400))
@@ -305,5 +307,5 @@ def test_the_page_about_the_journal_names_kinds_and_fields_that_there_are() -> N
 
 
 def test_events_and_states_are_read_without_torch() -> None:
-    code = "import frida_painter.session.fold, frida_painter_studio.commands, sys; sys.exit('torch' in sys.modules)"
+    code = "import frida_painter.session.fold, frida_painter_together.inbox, sys; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -13,13 +13,13 @@ from httpx import Response
 from starlette.testclient import TestClient
 
 from frida_painter_studio import web_studio
-from frida_painter_studio.commands import Role
 from frida_painter_studio.picture_choosing import AllowedMakers
 from frida_painter_studio.security import Keys, Presence
 from frida_painter_studio.server import add_middleware, application
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder, WorkerLock
 from frida_painter_studio.web_app_easel import WebAppEasel
+from frida_painter_together.commands import Role
 
 HOST = "127.0.0.1:8350"
 ORIGIN = f"http://{HOST}"

@@ -8,11 +8,13 @@ from datetime import UTC, datetime, timedelta
 from PIL import Image
 from playwright.sync_api import Page
 
-from frida_painter.easel.kinds import JOURNAL
+from frida_painter.easel.kinds import JOURNAL, LIVE
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.session.events import (
     Began,
+    CommandDone,
     Dipped,
+    DrawnRegion,
     Event,
     Finished,
     Looked,
@@ -21,7 +23,6 @@ from frida_painter.session.events import (
     PersonMayPaint,
     PlanAdopted,
     Planned,
-    RegionProtected,
     ResultFound,
     Scheduled,
     StrokeOfPerson,
@@ -68,7 +69,7 @@ PERSON: list[Event] = [
 ]
 LOOKED = Looked(3, dict.fromkeys(("seen", "expected", "difference"), "look.jpg"))
 PROTECTED: list[Event] = [
-    RegionProtected("regions/1.png", picture="region-1.png"),
+    CommandDone(DrawnRegion("region-1.png")),
     LOOKED,
     Planned(3, 37, 1.0, 1.2, look="look.jpg", shown={**MADE, "strokes": 37, "prefix": "plan-1-"}),
 ]
@@ -94,19 +95,19 @@ class Told:
         entry = PaintingStore(studio.folder).begin(title)
         self.id, self.folder = entry.id, entry.folder
         shown = pictures or {}
-        plan, live, painting = self.folder.path / "plans/1", self.folder.live, self.folder.painting
-        for folder in (plan, live):
+        plan, live, painting = self.folder.path / "plans/1", self.folder.painting / LIVE, self.folder.painting
+        for folder in (plan, live, painting / "regions"):
             folder.mkdir(parents=True)
         (plan / "plan.json").write_text("{}")
         canvas = shown.get("canvas", Image.new("RGB", (120, 90), (250, 250, 250)))
         for name in ("plan", "after-0", "after-40"):
             shown.get("plan", Image.new("RGB", (120, 90), (30, 200, 90))).save(plan / f"{name}.jpg")
         if PaintingBegun in map(type, told):
-            (painting / "sketchbook").mkdir(parents=True)
-            for name in ("painting/look", "painting/sketchbook/glimpse-000003", "live/plan-1-plan"):
+            (painting / "sketchbook").mkdir()
+            for name in ("painting/look", "painting/sketchbook/glimpse-000003", "painting/live/plan-1-plan"):
                 canvas.save(self.folder.path / f"{name}.jpg")
             shown.get("canvas", Image.new("RGB", (120, 90), (250, 0, 250))).save(painting / "painting.png")
-        Image.new("L", (120, 90), 255).save(live / "region-1.png")
+        Image.new("L", (120, 90), 255).save(painting / "regions" / "region-1.png")
         paths = {"height": 750, "paths": [[[100, 100], [300, 300]]] * 40, "widths": [40] * 40, "paint": [0, 1] * 20}
         for strokes in (plan / "strokes.json", live / "plan-1-strokes.json"):
             strokes.write_text(json.dumps(paths))

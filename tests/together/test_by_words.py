@@ -72,7 +72,7 @@ def pursued(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def kinds(folder: Path) -> list[str]:
-    wanted = ("request_taken", "pictures_made", "goal_changed")
+    wanted = ("command_taken", "command_done")
     return [str(entry["kind"]) for entry in EventLog.read(folder / "journal") if entry["kind"] in wanted]
 
 
@@ -82,7 +82,7 @@ def test_a_person_says_what_shall_change_and_chooses_one_picture_or_none(
     lines = ["a calm sea", "", "make it a stormy sea 🌊", "9", "2", ""]
     Terminal(tmp_path, lines).paint(Journal.begin(tmp_path, {}, {}))
     assert pursued == ["make-it-a-stormy-sea-water-wave-2.png"] and lines == []
-    asked, made = "request_taken", "pictures_made"
+    asked, made = "command_taken", "command_done"
     assert kinds(tmp_path) == [asked, made, asked, made, asked, asked]
     record = json.loads((tmp_path / "changes" / "2" / "making.json").read_text())
     assert record["because"] == "a person chose it" and record["chosen"] == pursued[0] and "canvas" in record

@@ -12,11 +12,11 @@ from starlette.websockets import WebSocketDisconnect
 import frida_painter_studio as web
 from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter_studio import security
-from frida_painter_studio.commands import Role
 from frida_painter_studio.security import Keys, Lead, Led, Presence
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import WorkerSlot
+from frida_painter_together.commands import Role
 from support.studio import HOST, ORIGIN, Studio, order
 
 ROUTES = [
@@ -207,7 +207,7 @@ def test_nothing_that_is_asked_with_get_moves_or_changes_anything(
         if not path.endswith("/events"):  # these never end
             visitor.get(path.replace("{identifier}", entry.id).replace("{picture}", "0" * 32))
     assert started == [] and studio.store.find(entry.id) is not None
-    assert not entry.folder.inbox.exists() and not entry.folder.stop.exists()
+    assert not (entry.folder.painting / "inbox.jsonl").exists() and not entry.folder.stop.exists()
 
 
 def test_who_may_only_watch_may_stop_but_neither_plan_nor_start(studio: Studio) -> None:

@@ -22,11 +22,12 @@ from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
 from frida_painter.session.events import ResultFound, Stopped, StrokePainted
 from frida_painter.session.journal import Journal
-from frida_painter_studio.commands import Role
 from frida_painter_studio.routes import SentFile, zip_folder
 from frida_painter_studio.store import Entry
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import PaintingQueue, Workers, WorkerSlot
+from frida_painter_together.commands import Role
+from frida_painter_together.inbox import Inbox
 from plugins import install
 from support.studio import Studio, Visitor, locked
 
@@ -254,12 +255,12 @@ def test_only_files_that_are_meant_to_be_seen_are_given(
         (entry.folder.path / folder).mkdir()
     (entry.folder.path / "painting2" / "a.jpg").write_bytes(b"x")
     (tmp_path / "secret.jpg").write_bytes(b"secret")
-    (entry.folder.live / "link.jpg").symlink_to(tmp_path / "secret.jpg")
-    (entry.folder.live / ".hidden.jpg").write_bytes(b"x")
+    (entry.folder.path / "live" / "link.jpg").symlink_to(tmp_path / "secret.jpg")
+    (entry.folder.path / "live" / ".hidden.jpg").write_bytes(b"x")
     for path in PATHS:
         answer = visitor.get(f"/paintings/{entry.id}/{path}")
         assert answer.status_code in (404, 405) and b"secret" not in answer.content, path
-    (entry.folder.live / "seen.jpg").write_bytes(b"x")
+    (entry.folder.path / "live" / "seen.jpg").write_bytes(b"x")
     assert visitor.get(f"/paintings/{entry.id}/live/seen.jpg").content == b"x"
 
 
@@ -312,7 +313,9 @@ def test_a_painting_can_be_taken_along_and_deleted(studio: Studio, visitor: Visi
     assert visitor.get(f"{path}/everything.zip").status_code == 404
     (entry.folder.painting / "photographs").mkdir(parents=True)
     (entry.folder.painting / "index.html").write_text("page")
-    (entry.folder.painting / ".reserve").write_text("hidden")
+    for name in (".reserve", "inbox.jsonl", "live/made.jpg"):
+        (entry.folder.painting / name).parent.mkdir(exist_ok=True)
+        (entry.folder.painting / name).write_text("for the page alone")
     (entry.folder.painting / ".arm").mkdir()
     (entry.folder.painting / ".arm" / "0.mp4").write_text("a piece of a film")
     (entry.folder.painting / "photographs" / "look.png").write_text("look")
@@ -330,8 +333,11 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     assert "nothing to go on with" in visitor.post(f"{path}/resume").json()["sentence"]
     start_painting(visitor, entry)
     (entry.folder.painting / "journal").unlink()
-    journal = Journal.begin(entry.folder.painting, {}, {})
+    journal = Journal.begin(entry.folder.painting, {"robot": "virtual"}, {})
     journal.show(Stopped())
+    assert visitor.post(f"{path}/resume").status_code == 409, "a terminal has gone on with it"
+    assert visitor.post(f"{path}/delete").status_code == 409
+    journal.close()
     for file in (entry.folder.stop, entry.folder.robot_stop):
         file.touch()
     # Earlier versions latched simulated robots as well; that holds no more.
@@ -341,6 +347,7 @@ def test_a_painting_that_was_stopped_is_gone_on_with(studio: Studio, visitor: Vi
     assert not entry.folder.stop.exists() and not entry.folder.robot_stop.exists()
     with locked(entry.folder):
         assert visitor.get(path).json()["painting"]["status"] == "preparing"
+        journal = Journal.reopen(entry.folder.painting)[0]
         journal.record_resume(repaint=True)
         journal.show(ResultFound("results", detail={"film": False}))
         journal.close()
@@ -617,26 +624,34 @@ def test_a_drawing_without_a_goal_takes_nothing_that_only_a_goal_can_use(
         assert visitor.post("/api/paintings", json={"together": True, **more}).status_code == 422, more
 
 
-def test_a_painting_of_the_terminal_is_watched_paused_and_stopped_and_nothing_else(
-    studio: Studio, visitor: Visitor
+def test_a_painting_of_the_terminal_is_led_and_gone_on_with_like_any_other(
+    studio: Studio, visitor: Visitor, started: Any
 ) -> None:
     folder = studio.store.root / "cup-20260101-120000"
     (folder / "goal").mkdir(parents=True)
-    journal = Journal.begin(folder, {"strokes": 4, "canvas": "120x90mm"}, {})
+    journal = Journal.begin(folder, {"strokes": 4, "canvas": "120x90mm", "robot": "human"}, {})
     journal.tell(StrokePainted(1, 4))
     (card,) = visitor.get("/api/paintings").json()
     assert (card["title"], card["stage"], card["working"]) == (folder.name, "painting", True)
     path = f"/api/paintings/{card['id']}"
     assert visitor.get(path).json()["painting"]["done"] == 1 and visitor.get("/api/work").json()["moves"]
-    for command, paused in (("pause", True), ("go on", False)):
-        assert visitor.post(f"{path}/say", json={"kind": command}).status_code == 200
-        assert (folder / "pause").exists() is paused
-    assert "watched, paused and stopped" in visitor.post(f"{path}/say", json={"kind": "look"}).json()["sentence"]
-    assert "frida-painter resume" in visitor.post(f"{path}/resume").json()["sentence"]
-    (studio.store.pictures / f"{PICTURE}.png").write_bytes(b"")
+    (studio.store.pictures / f"{PICTURE}.png").write_bytes(b"drawn")
+    (studio.store.pictures / f"{PICTURE}.making.json").write_bytes(b"{}")
+    inbox, goal = Inbox(folder, 0.0), {"kind": "goal", "terms": [{"kind": "image", "picture": PICTURE}]}
+    for command in ({"kind": "pause"}, {"kind": "protect", "picture": PICTURE, "only": True}, goal, {"kind": "go on"}):
+        assert visitor.post(f"{path}/say", json=command).status_code == 200
+    assert [each.command.kind for each in inbox.listen() if each.command] == ["pause", "protect", "goal", "go on"]
+    assert {file.name for file in (folder / "given").iterdir()} == {f"{PICTURE}.png", f"{PICTURE}.making.json"}
     assert visitor.post(f"{path}/plans", json=painting_request()).status_code == 409
     assert visitor.post("/api/stop").status_code == 200 and (folder / "stop").exists()
     journal.show(Stopped())
     journal.close()
-    assert visitor.get(path).json()["stage"] == "stopped" and not visitor.get(path).json()["resumable"]
+    assert visitor.get(path).json()["stage"] == "stopped" and visitor.get(path).json()["resumable"]
+    assert visitor.post(f"{path}/say", json={"kind": "pause"}).status_code == 409, "it has ended"
+    assert "'human', and this studio" in visitor.post(f"{path}/resume").json()["sentence"]
+    again = studio.store.root / "tea-20260101-120000"
+    (again / "goal").mkdir(parents=True)
+    Journal.begin(again, {"strokes": 4, "robot": "virtual"}, {}).close()
+    (other,) = (card for card in visitor.get("/api/paintings").json() if card["title"] == again.name)
+    assert visitor.post(f"/api/paintings/{other['id']}/resume").status_code == 200 and started == [("resume", 0)]
     assert visitor.post(f"{path}/delete").status_code != 200 and (folder / "journal").exists()

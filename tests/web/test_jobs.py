@@ -12,7 +12,6 @@ from frida_painter import calibration
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.session import events
 from frida_painter_calibration.procedures.workspace import STEPS
-from frida_painter_studio.commands import Role
 from frida_painter_studio.jobs import (
     JOBS,
     PROCEDURES,
@@ -29,6 +28,7 @@ from frida_painter_studio.painting_state import Truth
 from frida_painter_studio.studio_folder import Feed
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import WorkerSlot
+from frida_painter_together.commands import Role
 from machines.grbl import router
 from machines.simulated_time import Living
 from support.studio import Studio, locked, order
@@ -111,7 +111,7 @@ def test_no_machine_is_moved_unless_somebody_stands_beside_it(
             studio.presence.press()
         assert visitor.post(f"/api/{name}/start", json=asked).status_code == 200
     assert started == ["setup", "calibration", "teaching"]
-    assert SetupRequest.load(studio.store.job("setup")).brush == "fine"
+    assert SetupRequest.load(studio.store.job("setup").path).brush == "fine"
     assert visitor.post("/api/setup/start", json={}).status_code == 409, "a confirmation is good for one thing"
     assert visitor.get("/api/teaching").json()["name"] == "hook"
 
@@ -121,11 +121,12 @@ def test_questions_are_answered_by_whoever_leads(tmp_path: Path, started: list[s
     visitor, folder = studio.visitor(), studio.store.job("calibration")
     assert [each["dated"] for each in visitor.get("/api/calibration").json()["procedures"]] == [None] * 5
     assert visitor.post("/api/calibration/start", json={"what": ["canvas", "brush"]}).status_code == 200
-    assert CalibrationRequest.load(folder).what == ("canvas", "brush")
+    assert CalibrationRequest.load(folder.path).what == ("canvas", "brush")
     Feed(folder).tell(events.Asked(QUESTION))
-    (folder.live / "found-canvas.png").write_bytes(b"x")
+    (folder.path / "live").mkdir()
+    (folder.path / "live" / "found-canvas.png").write_bytes(b"x")
     assert visitor.get("/api/calibration/files/found-canvas.png").content == b"x"
-    assert visitor.get("/api/calibration/files/..%2fasked.json").status_code == 404
+    assert visitor.get("/api/calibration/files/..%2f.asked.json").status_code == 404
     answer = {"question": QUESTION["id"], "yes": True}
     assert visitor.post("/api/calibration/answer", json=answer).status_code == 409, "nobody waits for it"
     with locked(folder):
@@ -135,7 +136,7 @@ def test_questions_are_answered_by_whoever_leads(tmp_path: Path, started: list[s
         assert visitor.post("/api/calibration/answer", json=answer).status_code == 200
         second = studio.visitor().post("/api/calibration/answer", json=answer)
         assert second.status_code == 409 and second.json()["led"] is True
-        assert EventLog.read(folder.inbox, FEED)[0]["reply"]["yes"] is True
+        assert EventLog.read(folder.path / "inbox.jsonl", FEED)[0]["reply"]["yes"] is True
         assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 409
         assert visitor.post("/api/stop").json() == {"stopped": 1, "heard": 0} and folder.stop.exists()
     folder = studio.store.job("setup")
@@ -143,7 +144,7 @@ def test_questions_are_answered_by_whoever_leads(tmp_path: Path, started: list[s
     with locked(folder):
         for given in ({"move": [0.01, 0.0, 0.0]}, {"leave": True}):
             assert visitor.post("/api/setup/answer", json={"question": GUIDE["id"], **given}).status_code == 200
-    move, left = (line["reply"] for line in EventLog.read(folder.inbox, FEED))
+    move, left = (line["reply"] for line in EventLog.read(folder.path / "inbox.jsonl", FEED))
     assert move["move"] == [0.01, 0.0, 0.0] and left["leave"] is True
 
 
@@ -237,7 +238,7 @@ def test_a_setup_tells_its_step_and_that_it_was_left() -> None:
 
 def test_a_page_that_follows_the_setup_is_a_sign_for_its_worker(tmp_path: Path) -> None:
     studio = Studio(tmp_path)
-    sign = studio.store.job("setup").followed
+    sign = studio.store.job("setup").path / "followed"
     for name, follows in (("calibration", False), ("setup", True)):
         topic = studio.web.topic(name)
         assert topic is not None

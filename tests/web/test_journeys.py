@@ -30,10 +30,11 @@ from browsing import (
 from frida_painter import images
 from frida_painter.event_log import EventLog
 from frida_painter.hardware.workcell import WorkcellConfig
-from frida_painter.session.events import Advanced, Event, GoalChanged, ResultFound, Stopped, WentOn
+from frida_painter.session.events import Advanced, CommandDone, Event, NewGoal, ResultFound, Stopped, WentOn
 from frida_painter_calibration.teaching.families import load_family
-from frida_painter_studio.commands import PAUSE, ROBOT_MOVES, Inbox, Protect, Simple, TakeTurns
 from frida_painter_studio.studio_folder import PaintingFolder
+from frida_painter_together.commands import PAUSE, ROBOT_MOVES, Protect, Simple, TakeTurns
+from frida_painter_together.inbox import Inbox
 from machines.grbl import router
 from machines.simulated_time import Living
 from served import Served, opened_studio
@@ -570,7 +571,7 @@ def test_a_painting_is_shown_from_its_plan_to_its_card(opens: Open, studio: Serv
             painting.tell(*PROTECTED, PAUSED)
             expect(desk.locator(".looks")).to_contain_text("so that no stroke touches the protected part.")
             expect(desk.locator(".looks")).to_contain_text("20 % farther from the goal than the old ones")
-            painting.tell(GoalChanged("changes/1", CHANGED, 3), PAUSED)
+            painting.tell(CommandDone(NewGoal("changes/1", CHANGED, 3)), PAUSED)
             goal = desk.get_by_role("list", name="The goal")
             expect(goal.get_by_alt_text("Drawing")).to_be_visible()
             expect(goal.get_by_text("weight: high")).to_be_visible()
@@ -652,7 +653,7 @@ def test_in_a_pause_parts_are_protected_and_turns_agreed_on(opens: Open, studio:
 
 def said(folder: PaintingFolder, kind: type[Any]) -> Any:
     """The last command of a kind that the painter would hear; waits until it is there."""
-    heard, until = Inbox(folder, 0.0), time.monotonic() + 60
+    heard, until = Inbox(folder.painting, 0.0), time.monotonic() + 60
     found: list[Any] = []
     while not found and time.monotonic() < until:  # the page shows it before the server has written it
         found = [each.command for each in heard.listen() if isinstance(each.command, kind)]

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from frida_painter_studio import network
-from frida_painter_studio.commands import Role
 from frida_painter_studio.network import MAX_BODY, MAX_UPLOAD, Bucket, Limits
 from frida_painter_studio.security import Session
+from frida_painter_together.commands import Role
 from support.studio import Studio
 
 

@@ -14,12 +14,13 @@ from frida_painter.python_process import OwnProcess
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.spec import RunSpec
 from frida_painter_studio import studio_command, studio_folder
-from frida_painter_studio.commands import Role
-from frida_painter_studio.picture_choosing import AllowedMakers, label_of, plain_fact
+from frida_painter_studio.picture_choosing import AllowedMakers, label_of
 from frida_painter_studio.side_jobs import imagine
 from frida_painter_studio.stop import StopPressed
 from frida_painter_studio.studio_folder import Feed, PaintingRequest
 from frida_painter_studio.workers import WorkerSlot
+from frida_painter_together.commands import Role
+from frida_painter_together.proposing import plain_fact
 from frida_painter_words.picture_makers import making as picture_making
 from killing import call_here
 from picture_makers.test_service import open_service, sends

@@ -6,6 +6,7 @@ from typing import Any
 
 import torch
 
+from frida_painter.easel.kinds import LIVE
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session import events
@@ -13,12 +14,12 @@ from frida_painter.session.events import Event
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import ResumeState
 from frida_painter.session.resuming import load_kept_plan
-from frida_painter_studio.commands import GO_ON, LOOK, tell_worker
-from frida_painter_studio.painter import PauseController
 from frida_painter_studio.painting_state import PaintingPage, Truth
-from frida_painter_studio.plan_pictures import PlanPictures
-from frida_painter_studio.stop import StopWatch
-from frida_painter_studio.studio_folder import FeedReader, PaintingFolder
+from frida_painter_studio.studio_folder import FeedReader
+from frida_painter_together.commands import GO_ON, LOOK
+from frida_painter_together.conductor import Conductor
+from frida_painter_together.inbox import send
+from frida_painter_together.plan_pictures import PlanPictures
 from support.easel import PatientCamera
 from support.planning import CANVAS, goal, plain, small_table
 from support.session import SessionSetup
@@ -46,11 +47,10 @@ class Viewer:
 class Sitting(SessionSetup):
     """A painting on the stub easel, planned with a real planner and shown on the page."""
 
-    def lead(self, folder: PaintingFolder, planner: Planner, viewer: Viewer) -> None:
+    def lead(self, folder: Path, planner: Planner, viewer: Viewer) -> None:
         self.viewer = viewer
-        stop = StopWatch(folder.stop, folder.path.parent)
-        self.controller = PauseController(folder, self._hear, stop, 0.0, opened=lambda: self.session)
-        self.pictures = PlanPictures(folder.live, planner.bare, planner.models, CANVAS)
+        self.controller = Conductor(folder, self._hear, lambda: False, 0.0, opened=lambda: self.session)
+        self.pictures = PlanPictures(folder / LIVE, planner.bare, planner.models, CANVAS)
         self.session.planner = planner
 
     def _hear(self, event: Event) -> None:
@@ -61,7 +61,7 @@ class Sitting(SessionSetup):
     def _answer(self, paused: events.Paused) -> bool:
         super()._answer(paused)
         for command in (LOOK, GO_ON):
-            tell_worker(self.controller.folder, command, "browser")
+            send(self.controller.folder, command)
         return self.controller.go_on(paused)
 
 
@@ -70,14 +70,12 @@ def after(stroke: int) -> Any:
 
 
 def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path: Path) -> None:
-    folder = PaintingFolder(tmp_path)
-    folder.live.mkdir()
     planner = Planner(goal(), *plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
     bare = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(bare, STROKES, 1, lambda step: None)
 
-    journal = Journal.begin(folder.painting, {}, {})
-    viewer = Viewer(folder.painting / "journal")
+    journal = Journal.begin(tmp_path, {}, {})
+    viewer = Viewer(tmp_path / "journal")
     first = Sitting(
         STROKES,
         replans=1,
@@ -87,18 +85,18 @@ def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path:
         camera=PatientCamera(noisy=True),
         simulated=True,  # it shows no strokes, and nobody is there to ask whether its canvas lies still
     )
-    first.lead(folder, planner, viewer)
+    first.lead(tmp_path, planner, viewer)
     first.session.run(STROKES, 1, made)
     journal.close()
     viewer.look()
     assert viewer.shown[-1][1]["painting"]["status"] == "stopped"
 
-    journal, state = Journal.reopen(folder.painting)
-    kept = load_kept_plan(folder.painting, state)
+    journal, state = Journal.reopen(tmp_path)
+    kept = load_kept_plan(tmp_path, state)
     assert kept is not None and state.painted == STOP_AFTER
     journal.record_resume(repaint=False)
     second = Sitting(STROKES, replans=1, journal=journal, camera=PatientCamera(noisy=True), simulated=True)
-    second.lead(folder, planner, viewer)
+    second.lead(tmp_path, planner, viewer)
     now = second.session.look()
     where = ResumeState(kept.plan, state.painted, kept.planning.done, None, now)
     assert second.session.resume(where).painted == STROKES
@@ -117,5 +115,5 @@ def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path:
             again.hear_painting(event, at)
         assert again.to_plain(Truth(working=True)) == shown
     assert viewer.shown[-1][1]["painting"]["done"] == STROKES
-    assert state.finished and Journal.reopen(folder.painting)[1].finished
+    assert state.finished and Journal.reopen(tmp_path)[1].finished
     assert isinstance(first.heard[-1], events.Stopped)

@@ -27,9 +27,9 @@ from cryptography.x509.oid import NameOID
 from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
 from frida_painter_studio import server
-from frida_painter_studio.commands import Role
 from frida_painter_studio.network import Certificate
 from frida_painter_studio.server import hosts, listen
+from frida_painter_together.commands import Role
 from served import end_listener, open_studio
 
 

@@ -96,9 +96,10 @@ def test_a_painting_is_followed_stroke_by_stroke() -> None:
 
 def test_a_question_is_open_until_it_is_answered_or_nobody_asks_any_more() -> None:
     asked = Asked({"id": "a", "kind": "confirm"})
-    assert told(*PLANNED, PAINT, asked).to_plain(AT_WORK)["question"] == asked.question
-    assert told(*PLANNED, PAINT, asked).to_plain(AT_REST)["question"] is None
-    assert told(*PLANNED, PAINT, asked, Asked(None)).to_plain(AT_WORK)["question"] is None
+    assert told(*PLANNED, PAINT, journal=[*PAINTED, asked]).to_plain(AT_WORK)["question"] == asked.question
+    assert told(*PLANNED, PAINT, journal=[*PAINTED, asked]).to_plain(AT_REST)["question"] is None
+    for over in (Asked(None), SessionResumed(3)):
+        assert told(*PLANNED, PAINT, journal=[*PAINTED, asked, over]).to_plain(AT_WORK)["question"] is None
 
 
 def test_no_path_is_shown() -> None:
@@ -152,8 +153,12 @@ STATUSES: list[tuple[list[Event], list[Event], Truth, str, bool, str]] = [
     ([*PLANNED, PAINT], PAINTED, Truth(working=True, here=False), "lost", False, "press Stop"),
     ([*PLANNED, PAINT], PAINTED, Truth(working=False, here=False), "lost", False, "Nothing of it is left"),
     ([], [], Truth(working=False, here=False), "lost", False, "was deleted"),
-    ([], PAINTED, Truth(working=True, begun=False), "painting", False, ""),  # begun at the terminal
+    ([], PAINTED, AT_WORK, "painting", False, ""),  # begun at the terminal
+    ([], ENDED, AT_REST, "stopped", True, ""),
     ([], ENDED, NO_STROKE, "stopped", False, ""),
+    ([*PLANNED, PAINT, STOPPED], [*ENDED, SessionResumed(3), *PAINTED[1:]], AT_WORK, "painting", False, ""),  # there
+    ([*PLANNED, PAINT, FAILED], [*ENDED, SessionResumed(3)], AT_WORK, "preparing", False, ""),
+    ([*PLANNED, PAINT, FAILED], [*ENDED, SessionResumed(3), STOPPED], AT_REST, "stopped", True, ""),
 ]  # fmt: skip
 
 

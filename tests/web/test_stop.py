@@ -21,12 +21,12 @@ import pytest
 from PIL import Image
 
 from frida_painter import python_process
-from frida_painter_studio.commands import Role
 from frida_painter_studio.network import share_lock
 from frida_painter_studio.stop import END, StopKey, StopWatch, call
 from frida_painter_studio.stop_listener import StopProcess
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder
+from frida_painter_together.commands import Role
 from served import PATIENCE, Served, Work, end_listener, open_studio, opened_studio
 
 

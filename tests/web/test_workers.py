@@ -20,7 +20,6 @@ from frida_painter.messages import pack, unpack
 from frida_painter.runs.painting_easel import order
 from frida_painter.session.events import Stopped
 from frida_painter_studio import worker_process
-from frida_painter_studio.painter import Asker
 from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest, WorkerLock, working
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -131,10 +130,10 @@ def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dan
     folder = PaintingFolder(tmp_path)
     feed, stop = Feed(folder), StopWatch(folder.stop, folder.path.parent)
     plan = folder.begin_plan(PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
-    job = Job(folder, easel, feed, stop, Asker(folder, feed, stop))
+    job = Job(folder, easel, feed, stop)
     wanted = order(job.spec(plan), "broad", folder.painting, job.state)
     assert wanted.state == (folder.easel if simulated else state_folder())
-    assert wanted.pace == (0.5 if simulated else 0.0) and wanted.folder == folder.painting
+    assert wanted.simulation.pace == (0.5 if simulated else 0.0) and wanted.folder == folder.painting
 
 
 def test_the_canvas_is_the_one_of_the_workspace_file(tmp_path: Path) -> None:

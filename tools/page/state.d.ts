@@ -26,7 +26,7 @@ interface PaintState {
   plan: number; of: number; status: string; done: number; left: number | null; said: string; dries: number; photograph: string | null; growing: string | null;
   brush: string; paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
   replanned: (Omit<Made, "nearer" | "mixtures" | "seconds"> & { done: number }) | null; held: boolean; cause: "person" | "button" | "turn" | "trouble" | null; turns: number; game: Game;
-  region: { picture: string; only: boolean } | null; remark: string; wish: Wish | null; making: string | null; proposed: Making | null; person: { brushes: PersonBrush[]; wells: string[]; strokes: number } | null; film: boolean; arm: boolean; kept: boolean; painters: boolean;
+  region: { picture: string; only: boolean } | null; remark: string; wish: { terms: Term[]; initial: Term[] } | null; making: string | null; proposed: Making | null; person: { brushes: PersonBrush[]; wells: string[]; strokes: number } | null; film: boolean; arm: boolean; kept: boolean; painters: boolean;
 }
 interface State {
   stage: "waiting" | "planning" | "plan stopped" | "plan failed" | "planned" | "queued" | "preparing" | "mixing" | "painting" | "drying" | "replanning"
@@ -34,7 +34,7 @@ interface State {
   resumable: boolean; version: number; working: boolean; stopped: boolean; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
 }
 type Command = { kind: "pause" | "go on" | "finish" | "look" | "free" } | { kind: "leave out"; count: number } | { kind: "turns"; count: number; minutes?: number; policy?: string; keep?: string }
-  | { kind: "propose"; words: string; maker: string } | { kind: "end making" } | { kind: "protect"; picture: string; only: boolean } | { kind: "picture"; picture: string } | { kind: "goal"; request: Wish }
+  | { kind: "propose"; words: string; maker: string } | { kind: "end making" } | { kind: "protect"; picture: string; only: boolean } | { kind: "picture"; picture: string } | { kind: "goal"; terms: Term[]; initial: Term[] }
   | { kind: "paint"; brush: string; paint: number; points: number[][] }; // commands.py
 interface Strokes { height: number; paths: number[][][]; widths: number[]; paint: number[] }
 interface Ability { ready: boolean; missing: string[]; fetch: string[]; advice: string; label: string; verb: string; words: boolean } // web_studio.py

@@ -2,6 +2,7 @@
 
 import select
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -10,7 +11,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 from rich.console import Console
 from torch import Tensor
@@ -20,26 +21,30 @@ from frida_painter.cli.options import Wells, ask_at_terminal
 from frida_painter.cli.stop_signal import StopSignal
 from frida_painter.cli.terminal import PaintingLine, terminal_at
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import ARM_FILM, JOURNAL, PAUSE_FILE, easel_kind
+from frida_painter.easel.kinds import ARM_FILM, INBOX, JOURNAL, PAUSE_FILE, easel_kind
 from frida_painter.errors import Interrupted, RobotStopped
 from frida_painter.event_log import LogReader
 from frida_painter.registry import Later
 from frida_painter.runs.painting_folder import NOW
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import Event, PauseCause, Paused
+from frida_painter.session.controls import answer_usually
+from frida_painter.session.events import Event, PauseCause, Paused, WentOn
 from frida_painter.session.fold import ENDS, PaintingState, require_journal
 from frida_painter.session.time_left import duration
 from frida_painter.storage import count_of
 
 PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
-_GLANCE = 0.2  # seconds between two checks for the pause file
+_GLANCE = 0.2  # seconds between two looks at pause file, inbox and terminal
 
+_lead_from_pages = Later("frida_painter_together.conductor:Conductor.lead")
 _open_proposer = Later("frida_painter_together.proposing:Proposer")
 
 
 class Leader:
     """Leads a run with an open easel, in a `with` block, then reports the result.
+
+    As soon as a page writes into the inbox of the painting, its commands are done too.
 
     asked: True if a person answers questions.
     asks_for_paints: True if the person may enter the mixed paints.
@@ -62,6 +67,9 @@ class Leader:
         ask = partial(ask_at_terminal, stop_asked=lambda: stop.asked)
         yes = partial(confirm, default=True, ask=ask)
         self._proposer = None if propose is None else _open_proposer(run, propose, lambda: stop.asked, ask, yes)
+        self._conductor: Any = None  # of the people at a page, once there is one
+        self._held = False  # in a pause: by the pause file
+        self._asks = False  # in a pause: the person at the terminal
         self._run, self._stop, self._started = run, stop, started
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)
@@ -78,7 +86,9 @@ class Leader:
             answer=self._answer if asked else None,
             paint_on=self._paint_on,
             repaint=self._repaints,
+            adapt=lambda turn: (self._conductor.adapt_alone if self._conductor else answer_usually)(turn),
         )
+        threading.Thread(target=self._await_page, args=(time.time(),), daemon=True, name="inbox").start()
 
     def __enter__(self) -> Self:
         if self._run.history is None:
@@ -99,46 +109,68 @@ class Leader:
         if outcome.trouble is not None:
             raise outcome.trouble
 
+    def _await_page(self, since: float) -> None:
+        """Loads who does the commands of a page, once there is an inbox; a command is good for seconds only."""
+        while not storage.exists(self._run.folder / INBOX):
+            time.sleep(_GLANCE)
+        self._conductor = _lead_from_pages(self._run, self._is_stopped, self._heed, since, self._is_let_go_on)
+
+    def _is_stopped(self) -> bool:
+        return self._stop.asked or self._run.is_stopped
+
+    def _heed(self) -> None:
+        if self._is_stopped():
+            raise Interrupted("You stopped; what was painted is kept.")
+
     @property
     def _pause_file(self) -> Path:
         return self._run.folder / PAUSE_FILE
 
     def _pause_cause(self) -> PauseCause | None:
         talks = self._proposer is not None and self._proposer.wants_pause()
-        return "person" if talks or self._pause_file.exists() else None
+        if talks or self._pause_file.exists():
+            return "person"
+        cause: PauseCause | None = None if self._conductor is None else self._conductor.pause_cause()
+        return cause
 
     def _go_on(self, paused: Paused) -> bool:
-        """Waits until the pause file is removed, or asks the person; returns True to go on."""
-        if self._pause_file.exists():
-            self._console.print(f"Paused after {paused.done} strokes; to go on, remove {self._pause_file}")
-            while self._pause_file.exists() and not self._stop.asked:
-                time.sleep(_GLANCE)
-            return not self._stop.asked
-        if paused.cause == "person" and self._proposer is not None:
+        """Waits until somebody lets the painting go on, here or at a page; returns False if somebody ends it."""
+        self._held = self._pause_file.exists()
+        self._asks = not self._held and paused.cause != "person" and sys.stdin.isatty()
+        how = f"To go on, remove {self._pause_file}" if self._held else paused.reason
+        asked = " To go on, press Enter; to stop, Ctrl-C." if self._asks else ""
+        self._console.print(f"Paused after {paused.done} strokes. {how}{asked}", markup=False)
+        while not self._is_stopped():
+            if self._conductor is not None:
+                went_on: bool = self._conductor.go_on(paused)
+                return went_on
+            let = self._is_let_go_on(paused)
+            if let is not None:
+                if let:
+                    self._run.report(WentOn())
+                return let
+            time.sleep(_GLANCE)
+        return False
+
+    def _is_let_go_on(self, paused: Paused) -> bool | None:
+        """Returns True if somebody here lets the painting go on in a pause, False if they end it, else None."""
+        session = self._run.session
+        if self._held:
+            return None if self._pause_file.exists() else True
+        if session is not None and session.is_button_pressed():
+            return True
+        if self._asks:
+            if not select.select([sys.stdin], [], [], 0)[0]:
+                return None
+            self._asks = bool(sys.stdin.readline())  # else the terminal was closed
+            return self._asks or None
+        if self._proposer is not None and self._proposer.wants_pause():
             with self._bar.aside():
                 self._proposer.talk()
             return not self._stop.asked
-        if paused.cause == "button":
-            return self._await_button(paused)
-        if not sys.stdin.isatty():
-            return False
-        return confirm(f"Paused after {paused.done} strokes. {paused.reason}\nGo on?", default=True)
-
-    def _await_button(self, paused: Paused) -> bool:
-        """Waits until the machine's button is pressed again, or Enter at a terminal; returns False after a stop."""
-        session, at_terminal = self._run.session, sys.stdin.isatty()
-        assert session is not None
-        enter = ", or press Enter here" if at_terminal else ""
-        self._console.print(f"Paused after {paused.done} strokes. {paused.reason.rstrip('.')}{enter}.", markup=False)
-        while not self._stop.asked:
-            if session.is_button_pressed():
-                return True
-            if at_terminal and select.select([sys.stdin], [], [], _GLANCE)[0]:
-                if sys.stdin.readline():
-                    return True
-                at_terminal = False  # it was closed, and nobody pressed Enter
-            time.sleep(0 if at_terminal else _GLANCE)
-        return False
+        if self._conductor is not None or paused.cause == "button":
+            return None
+        return paused.cause == "person"  # the pause file is gone already; else nobody is here, and it is resumed later
 
     def _answer(self, question: Question) -> Answer:
         with self._bar.aside():

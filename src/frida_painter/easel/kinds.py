@@ -61,8 +61,8 @@ class EaselKind:
 # Names on which the processes agree. Code that only passes names on must load no driver and no numerical library.
 
 JOURNAL = "journal"
-STOP_FILE = "stop"
-PAUSE_FILE = "pause"  # pauses a painting as long as it exists
+STOP_FILE, PAUSE_FILE = "stop", "pause"  # the latter pauses a painting as long as it exists
+INBOX, GIVEN, LIVE, REGIONS = "inbox.jsonl", "given", "live", "regions"  # commands; pictures of and for people
 SIMULATION_LOG = "studio.diary"
 ARM_FILM = "arm.mp4"
 LIVE_PICTURE = ".camera.jpg"  # hidden: it exists only during a painting

@@ -23,7 +23,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import ARM_FILM, JOURNAL, SIMULATION_LOG, OpenEasel
+from frida_painter.easel.kinds import ARM_FILM, JOURNAL, SIMULATION_LOG, STOP_FILE, OpenEasel
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
@@ -213,6 +213,9 @@ class PaintingRun:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.__exit__(kind, error, trace)
+        if self._easel is not None:
+            with suppress(OSError):  # a stop that was pressed when the robot was put away already; the next one is new
+                (self.folder / STOP_FILE).unlink()
         if self._run_record is not None and self._results:  # nobody writes into the folder any more
             with suppress(StorageError) if kind is not None else nullcontext():  # the first error matters more
                 self._run_record.finish(self.painting, self._before, **self._results)
@@ -264,6 +267,11 @@ class PaintingRun:
         if self._easel is None:
             raise ConfigError("The easel is not open yet; call open_easel first.")
         return self._easel
+
+    @property
+    def is_stopped(self) -> bool:
+        """True if the robot was stopped, by whomever."""
+        return self._process is not None and self._process.stopped
 
     def check(self, *, paints: bool) -> None:
         """Raises what a plan of this description would raise, and a painting if it `paints`.
@@ -457,9 +465,6 @@ class PaintingRun:
         spec, planner = self.spec, self.planner
         easel = with_operator(easel, spec, self.controls.answer)
 
-        def must_stop() -> bool:  # on request, or after a stop of the robot
-            return self.controls.stop_asked() or (self._process is not None and self._process.stopped)
-
         def paint_on(sentence: str, canvas: Tensor) -> bool:
             if self._folder is not None:
                 images.save(canvas, self.folder / NOW)
@@ -482,7 +487,7 @@ class PaintingRun:
             journal=self._journal,
             controls=replace(
                 self.controls,
-                stop_asked=must_stop,
+                stop_asked=lambda: self.controls.stop_asked() or self.is_stopped,
                 mixed=self.controls.mixed or (lambda wanted: self.mixed),
             ),
             extent=Extent(

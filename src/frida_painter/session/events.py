@@ -23,9 +23,9 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Literal, Self, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, dataclass_transform
 
-from pydantic import TypeAdapter
+from pydantic import Field, TypeAdapter
 
 if TYPE_CHECKING:
     from torch import Tensor
@@ -107,7 +107,7 @@ class ResultFound(Event):
 
 
 class Asked(Event):
-    """Question to a person, in the form of frida_painter_studio/painter.py; None after the answer."""
+    """Question to a person, in the form of together.asking; None after the answer."""
 
     question: dict[str, Any] | None
 
@@ -415,7 +415,17 @@ class WentOn(Event):
     """A pause has ended."""
 
 
-class Turns(Durable):
+class CommandTaken(Durable):
+    """The painter does what a person asked for; if it breaks off meanwhile, a resumed painting does it.
+
+    command: in the form of together.commands; empty if the last one is done, or was refused.
+    """
+
+    command: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Turns:
     """Robot and person take turns of this many strokes or minutes; 0: no turns.
 
     policy, keep: how the robot answers what the person painted; see together.policies.
@@ -425,45 +435,40 @@ class Turns(Durable):
     minutes: float = 0.0
     policy: str = "alternate"
     keep: Literal["welcome", "protect"] = "welcome"
+    kind: Literal["turns"] = "turns"
 
 
-class RequestTaken(Durable):
-    """The painter does what a person asked for in a pause; if it breaks off meanwhile, a resumed painting does it.
-
-    request: command of the page; empty if the last one is done, or was refused.
-    """
-
-    request: dict[str, Any]
-
-
-class RegionProtected(Durable):
+@dataclass(frozen=True)
+class DrawnRegion:
     """A person drew a region: no stroke may touch it, or, with `only`, strokes may be only there.
 
-    region: file of the drawing in the painting's folder. None: nothing is protected any more.
-    picture: picture for the page.
+    drawing: its file in `regions` of the painting's folder. None: nothing is protected any more.
     """
 
-    region: str | None
+    drawing: str | None
     only: bool = False
-    picture: str | None = None
+    kind: Literal["region"] = "region"
 
 
-class GoalChanged(Durable):
+@dataclass(frozen=True)
+class NewGoal:
     """A person changed the goal.
 
-    goal: folder of the goal in the painting's folder.
-    wish: request of the page.
+    folder: of the goal, in the painting's folder.
+    wish: goals and goals of the start, as the page asked for them; empty if it did not.
     done: number of painted strokes.
     facts: descriptions of the goal, and of how its pictures were made.
     """
 
-    goal: str
+    folder: str
     wish: dict[str, Any]
     done: int = 0
     facts: tuple[str, ...] = ()
+    kind: Literal["goal"] = "goal"
 
 
-class PicturesMade(Durable):
+@dataclass(frozen=True)
+class MadePictures:
     """A maker made pictures of words, to choose from.
 
     maker: label of the maker
@@ -479,6 +484,13 @@ class PicturesMade(Durable):
     best: int
     rule: str
     faults: list[str]
+    kind: Literal["pictures"] = "pictures"
+
+
+class CommandDone(Durable):
+    """What a person asked for is there, or in force from now on."""
+
+    result: Annotated[Turns | DrawnRegion | NewGoal | MadePictures, Field(discriminator="kind")]
 
 
 class PersonMayPaint(Event):

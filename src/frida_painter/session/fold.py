@@ -122,6 +122,7 @@ class PaintingState:
     person_painted, person_seen, person_released: numbers of the person's last stroke that is certainly on the canvas,
     at the last look, and when they last ended a protection.
     may_paint: brushes and wells for a person who paints through this program; None if nobody can.
+    question: open question, in the form of together.asking; None if there is none.
     pause: the last pause. paused: True in a pause, also while a command is performed there.
     remark: reason why a command could not be done as asked.
 
@@ -169,16 +170,17 @@ class PaintingState:
     missing: int = 0
     unknown: int = 0
 
-    goals: list[events.GoalChanged] = field(default_factory=list)
+    goals: list[events.NewGoal] = field(default_factory=list)
     request: dict[str, Any] = field(default_factory=dict)
-    proposed: events.PicturesMade | None = None
-    region: events.RegionProtected | None = None
+    proposed: events.MadePictures | None = None
+    region: events.DrawnRegion | None = None
     turns: events.Turns = field(default_factory=lambda: events.Turns(0))
     person: list[events.StrokeOfPerson] = field(default_factory=list)
     person_painted: int = 0
     person_seen: int = 0
     person_released: int = 0
     may_paint: events.PersonMayPaint | None = None
+    question: dict[str, Any] | None = None
     pause: events.Paused | None = None
     paused: bool = False
     remark: str = ""
@@ -214,7 +216,7 @@ class PaintingState:
     @property
     def goal(self) -> str:
         """Folder of the changed goal, "" before a change."""
-        return self.goals[-1].goal if self.goals else ""
+        return self.goals[-1].folder if self.goals else ""
 
     @property
     def person_in_doubt(self) -> events.StrokeOfPerson | None:
@@ -281,7 +283,7 @@ class PaintingState:
                 self.settings, self.rests_on = settings, rests_on
             case events.SessionResumed(decision=decision):
                 self.decide(repaint=decision == "repaint")
-                self.trouble, self.stopped, self.paused, self.results = "", False, False, None
+                self.trouble, self.stopped, self.paused, self.results, self.question = "", False, False, None, None
                 self._curve, self.growing = [], None
             case events.Stopped(reason):
                 self.stopped, self.trouble = self.stopped or not reason, reason or self.trouble
@@ -385,22 +387,25 @@ class PaintingState:
                 self.paused, self.proposed, self.remark = False, None, ""
             case events.Remark(sentence, ""):
                 self.remark = sentence
-            case events.Turns():
-                self.turns = event
-            case events.RequestTaken(request):
-                self.request = request
-                if request:
+            case events.CommandTaken(command):
+                self.request = command
+                if command:
                     self._why = "asked"
                 if self.doing not in ENDS:
-                    self.doing = "planning" if request else "paused" if self.paused else self.doing
-            case events.RegionProtected(region, only):
-                self.region = None if region is None else event
-                self._why = "freed" if region is None else "only" if only else "region"
-                self.person_released = self.person_painted if region is None else self.person_released
-            case events.GoalChanged():
-                self.goals, self.proposed, self._why = [*self.goals, event], None, "goal"
-            case events.PicturesMade():
-                self.request, self.proposed = {}, event
+                    self.doing = "planning" if command else "paused" if self.paused else self.doing
+            case events.CommandDone(events.Turns() as turns):
+                self.turns = turns
+            case events.CommandDone(events.DrawnRegion(drawing, only) as region):
+                self.region = None if drawing is None else region
+                self._why = "freed" if drawing is None else "only" if only else "region"
+                self.person_released = self.person_painted if drawing is None else self.person_released
+            case events.CommandDone(events.NewGoal() as goal):
+                self.goals, self.proposed, self._why = [*self.goals, goal], None, "goal"
+            case events.CommandDone(events.MadePictures() as made):
+                self.request, self.proposed = {}, made
+                self.doing = "paused" if self.paused and self.doing not in ENDS else self.doing
+            case events.Asked(question):
+                self.question = question
             case events.PersonMayPaint():
                 self.may_paint = event
             case events.StrokeOfPerson(number, painted=painted):

@@ -14,7 +14,7 @@ from frida_painter import images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Question
-from frida_painter.easel.kinds import NO_CAMERA, SIMULATION_LOG
+from frida_painter.easel.kinds import NO_CAMERA, REGIONS, SIMULATION_LOG
 from frida_painter.easel.operator import brush_in_hand
 from frida_painter.errors import CalibrationError, FrameRejected, ImageError, PlanError, StorageError
 from frida_painter.frames import PixelGrid
@@ -137,7 +137,7 @@ def region(folder: Path, state: PaintingState) -> Region | None:
     """Returns the protected region that a person drew; None if there is none. Raises ImageError."""
     if state.region is None:
         return None
-    return region_of(images.load(folder / str(state.region.region)), only_inside=state.region.only)
+    return region_of(images.load(folder / REGIONS / str(state.region.drawing)), only_inside=state.region.only)
 
 
 def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:

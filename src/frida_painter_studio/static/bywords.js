@@ -6,18 +6,18 @@ import { makerChoice, shelfOf } from "./imagining.js";
 
 /**
  * The form of a pause, with the pictures to choose from. `say` sends a command to the painter.
- * @param {House} house @param {Here} here @param {Wish} wish @param {(command: Command) => Promise<any>} say
+ * @param {House} house @param {Here} here @param {(command: Command) => Promise<any>} say
  */
-export function byWords(house, here, wish, say) {
+export function byWords(house, here, say) {
   let typed = ""; // kept while the form is drawn anew
   let maker = house.makers[0];
   const said = h("p", { class: "label", role: "status" });
 
-  async function choose(/** @type {PaintState} */ painting, /** @type {string} */ picture) {
+  async function choose(/** @type {string} */ picture) {
     const taken = await house.attempt(() => api.post(`/api/paintings/${here.id}/choose`, { picture }));
     if (!taken) return;
     const terms = [{ kind: "image", picture: taken.id, weight: 1, made: taken.made }];
-    if (await say({ kind: "goal", request: /** @type {Wish} */ ({ ...(painting.wish ?? wish), terms, initial: [] }) })) typed = "";
+    if (await say({ kind: "goal", terms, initial: [] })) typed = "";
   }
 
   function shelf(/** @type {PaintState} */ painting) {
@@ -26,7 +26,7 @@ export function byWords(house, here, wish, say) {
     return h("div", {}, h("p", { role: "status" }, `“${proposed.words}”: choose the picture to paint from here on, ask for others, or continue without.`),
       proposed.faults.length ? h("p", { class: "label" }, proposed.faults.join(" ")) : null,
       shelfOf(proposed.words, proposed.pictures, {
-        source: (picture) => api.file(here.id, "live", picture), choose: (picture) => choose(painting, picture),
+        source: (picture) => api.file(here.id, "live", picture), choose: (picture) => choose(picture),
         name: (one, index) => `Paint towards picture ${index + 1} of ${proposed.pictures.length}, seed ${one.seed}`,
       }));
   }

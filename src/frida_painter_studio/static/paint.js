@@ -72,7 +72,7 @@ export function paintStage(house, here, first) {
       plan: wish.together ? "The canvas as it began" : painting.photograph || !house.watched ? "The plan" : "The plan. The first photograph of the easel comes soon.",
       painting: house.watched ? `The easel, as it was photographed last${next}` : `There is no camera: the canvas as it should look now${next}`,
     });
-    const region = painting.region ? api.file(here.id, "live", painting.region.picture) : "";
+    const region = painting.region ? api.file(here.id, "regions", painting.region.picture) : "";
     canvas.region(region, painting.region?.only);
     const terms = (painting.wish ?? wish).terms;
     const goal = JSON.stringify(terms);

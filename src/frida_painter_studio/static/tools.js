@@ -79,14 +79,15 @@ export function togetherTools(house, here, wish, onPad) {
 
   function changing(state) {
     const begun = changed !== null;
-    changed ??= structuredClone(state.painting.wish ?? wish);
+    const now = { ...wish, ...state.painting.wish };
+    changed ??= structuredClone(now);
     const form = wishForm(house, changed, () => {}, { goalsOnly: true, ondraw: (use) => sketching(state, use) });
-    const replan = async () => { if ((await form.settled()) && (await say({ kind: "goal", request: /** @type {Wish} */ (changed) }))) changed = null; };
-    return h("details", { open: begun && JSON.stringify(changed) !== JSON.stringify(state.painting.wish ?? wish) }, h("summary", {}, "Change the goal"), h("p", {}, "The canvas and the paints stay the same. The remaining strokes are replanned for the new goal."),
+    const replan = async () => { if ((await form.settled()) && (await say({ kind: "goal", terms: changed.terms, initial: changed.initial ?? [] }))) changed = null; };
+    return h("details", { open: begun && JSON.stringify(changed) !== JSON.stringify(now) }, h("summary", {}, "Change the goal"), h("p", {}, "The canvas and the paints stay the same. The remaining strokes are replanned for the new goal."),
       form.element, button("Replan with this goal", replan, "second wide"));
   }
 
-  const words = byWords(house, here, wish, say);
+  const words = byWords(house, here, say);
 
   const turns = (state) => turnForm(house, state.painting, say, wish.together);
 

@@ -1,4 +1,4 @@
-"""Control of a painting from the page: questions to the person, and commands in pauses."""
+"""Conductor of a painting: does what people command, between two strokes or in a pause, whoever began the painting."""
 
 import contextlib
 import secrets
@@ -9,147 +9,49 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
-from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter import images
-from frida_painter.easel.dialogue import (
-    JOG_STEPS,
-    Answer,
-    Choose,
-    Confirm,
-    EnterAddress,
-    Guide,
-    Jog,
-    Measure,
-    PointCorners,
-    SetupQuestion,
-)
-from frida_painter.errors import FridaError, Interrupted, StorageError
+from frida_painter.calibration import Corners
+from frida_painter.easel.dialogue import Answer, Confirm, PointCorners, SetupQuestion
+from frida_painter.easel.kinds import GIVEN, LIVE
+from frida_painter.errors import CalibrationError, FridaError, StorageError
 from frida_painter.palette import to_hex
+from frida_painter.perception.snapshot import find_corners
 from frida_painter.plan import Plan
-from frida_painter.planning.problem import region_of
+from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events
+from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Notify, PauseCause
 from frida_painter.session.loop import PaintingSession
-from frida_painter_studio import commands
-from frida_painter_studio.commands import Command, Inbox, accept_reply, command_of, to_plain
-from frida_painter_studio.picture_choosing import MakingOrder
-from frida_painter_studio.side_jobs import show_pictures, without_folders
-from frida_painter_studio.stop import StopWatch
-from frida_painter_studio.studio_folder import Feed, PaintingFolder
+from frida_painter_together import commands
+from frida_painter_together.asking import Asker
+from frida_painter_together.commands import Command, command_of, goal_items, to_plain
+from frida_painter_together.inbox import Inbox, MakingOrder, make_live_path
+from frida_painter_together.plan_pictures import PlanPictures
 from frida_painter_together.policies import TurnTaken, answer_turn, find_turn_policy
 from frida_painter_together.proposing import (
     forbid,
-    keep_region,
+    mark,
     propose,
     pursue,
     record_making,
     require_goal,
     resize_mask,
+    show_pictures,
     union_of,
+    without_folders,
 )
 from frida_painter_together.turns import FoundPaint, PenStroke
 from frida_painter_words.picture_makers.making import require_canvas_maker
 
-# Questions from a worker to the person at the page: calibration, paints to fill, strokes in doubt.
+if TYPE_CHECKING:
+    from frida_painter.runs.run import PaintingRun
 
 _BETWEEN_GLANCES = 0.04
-MAX_ABSENCE = 600.0
-"""Seconds without a page after which a dialogue that can be continued is left: phones sleep, and networks fail."""
-
-
-@dataclass
-class Asker:
-    """Shows questions on the page; `answer` is the callback for dialogues and operators.
-
-    may_leave: True if the person may leave the dialogue without a stop. It is then left, too, if no page has followed
-        it for MAX_ABSENCE seconds while it waits for an answer, so that the machine is free for others.
-    """
-
-    folder: PaintingFolder
-    feed: Feed
-    stop: StopWatch
-    may_leave: bool = False
-    _shown: deque[Path] = field(default_factory=deque, init=False)
-
-    def answer(self, question: SetupQuestion) -> Answer:
-        """Waits for the person's answer and returns it.
-
-        Raises StopPressed if the person stops everything, Interrupted if the person leaves or is gone.
-        """
-        number = secrets.token_hex(8)
-        asked = describe_question(question) | ({"leave": True} if self.may_leave else {})
-        picture = getattr(question, "picture", None)
-        if picture is not None:
-            asked |= {"picture": self._show(picture), "rows": picture.shape[1], "columns": picture.shape[2]}
-        inbox = Inbox(self.folder, 0.0)
-        inbox.listen()  # earlier answers do not count
-        self.feed.tell(events.Asked({"id": number, **asked}))
-        followed, since = self._followed(), time.monotonic()
-        while True:
-            self.stop.heed()
-            if (now := self._followed()) not in (followed, None):
-                followed, since = now, time.monotonic()
-            elif self.may_leave and time.monotonic() - since > MAX_ABSENCE:
-                self.feed.tell(events.Asked(None))
-                raise Interrupted(
-                    f"No page was open for {MAX_ABSENCE / 60:.0f} minutes; what was done before is kept, and the "
-                    "machine is free."
-                )
-            for message in inbox.listen():
-                answer = accept_reply(message.reply, number, asked)
-                if answer is not None:
-                    self.feed.tell(events.Asked(None))
-                    return answer
-            time.sleep(_BETWEEN_GLANCES)
-
-    def _followed(self) -> int | None:
-        """Returns a number that changes while a page follows; None if none ever did."""
-        with suppress(OSError):
-            return self.folder.followed.stat().st_mtime_ns
-        return None
-
-    def _show(self, picture: Tensor) -> str:
-        self._shown.append(self.folder.make_live_path("question", ".jpg"))
-        images.save(picture, self._shown[-1])
-        while len(self._shown) > 2:
-            self._shown.popleft().unlink(missing_ok=True)
-        return self._shown[-1].name
-
-
-_KINDS: dict[type, str] = {
-    Confirm: "confirm",
-    PointCorners: "corners",
-    Jog: "jog",
-    Measure: "measure",
-    Guide: "guide",
-    Choose: "choose",
-    EnterAddress: "address",
-}
-
-
-def describe_question(question: SetupQuestion) -> dict[str, Any]:
-    """Returns a question as plain values, without its picture."""
-    told = {name: value for name, value in vars(question).items() if name != "picture"}
-    match question:
-        case PointCorners(proposal=tuple(corners)):
-            told["proposal"] = [[float(x), float(y)] for x, y in corners]
-        case Jog():
-            told["proposal"] = None if question.proposal is None else question.proposal.step
-        case Guide():
-            told |= {"proposal": None, "steps": JOG_STEPS}
-        case EnterAddress():
-            told["example"] = question.example
-        case _:
-            pass
-    return {"kind": _KINDS[type(question)], **told}
-
-
 _YOURS_STAYS = (
     "What you painted stays as it is in all of them. If it may be painted over, press Remove the protection, then ask "
     "again."
@@ -158,26 +60,31 @@ _MAX_WAITING = 200  # commands that wait to be done
 
 
 @dataclass
-class PauseController:
-    """Handles the pauses of a session.
+class Conductor:
+    """Hears the commands in the inbox of a painting, and does them.
 
+    folder: of the painting.
     report: shows an event in the journal.
-    began: start of the painter, seconds since 1970.
+    stop_asked: returns True if a person stops everything.
+    since: commands from then on count, seconds since 1970.
     opened: returns the session, None before it is open.
     look_at: takes the picture in a file for a look, on an easel without a camera.
     ask: asks a question on the page and returns the answer.
+    elsewhere: asked in a pause; returns True if a person lets the painting go on in another way than by the inbox,
+    False if a person ends it, else None.
 
-    A request is in the journal before the page hears that it is being done, or its result is.
+    A command is in the journal before the page hears that it is being done, or its result is.
     """
 
-    folder: PaintingFolder
+    folder: Path
     report: Notify
-    stop: StopWatch
-    began: float
+    stop_asked: Callable[[], bool]
+    since: float
     opened: Callable[[], PaintingSession | None] = lambda: None
     look_at: Callable[[Path], None] = lambda picture: None
     ask: Callable[[SetupQuestion], Answer] = lambda question: False
-    _commands: deque[Command] = field(default_factory=lambda: deque(maxlen=_MAX_WAITING), init=False)
+    elsewhere: Callable[[events.Paused], bool | None] = lambda paused: None
+    _commands: deque[Command] = field(default_factory=deque, init=False)
     _since_time: float = field(default=0.0, init=False)  # of the robot's current turn, monotonic seconds
     _answer: str = field(default="", init=False)  # sentence about the answer to the person's turn
     _conferring: bool = field(default=False, init=False)
@@ -185,17 +92,83 @@ class PauseController:
     _since: int = field(default=0, init=False)  # strokes of the robot's current turn
 
     def __post_init__(self) -> None:
-        inbox = Inbox(self.folder, self.began)
+        inbox = Inbox(self.folder, self.since)
 
         def listen() -> None:
             while True:
                 with contextlib.suppress(FridaError, OSError):  # the next look may succeed
-                    self._commands.extend(each.command for each in inbox.listen() if each.command is not None)
+                    for each in inbox.listen():
+                        if each.command is not None and len(self._commands) < _MAX_WAITING:
+                            self._commands.append(each.command)
                 time.sleep(_BETWEEN_GLANCES)
 
         threading.Thread(target=listen, daemon=True, name="commands").start()
 
-    def owe(self, request: dict[str, Any], proposed: events.PicturesMade | None) -> None:
+    @classmethod
+    def lead(
+        cls,
+        run: "PaintingRun",
+        stop_asked: Callable[[], bool],
+        heed: Callable[[], None],
+        since: float,
+        elsewhere: Callable[[events.Paused], bool | None] = lambda paused: None,
+    ) -> Self:
+        """Has people lead a run with an open easel by its inbox, and returns their conductor.
+
+        stop_asked, since, elsewhere: as in the class.
+        heed: called while a question waits for its answer; raises if a person stops everything.
+        From now on, the plans are drawn for the page.
+        """
+
+        def look_at(picture: Path) -> None:
+            given = GivenPicture(picture)
+            photograph = given.load()
+            found: Corners | None = None
+            with suppress(CalibrationError):
+                found = find_corners(photograph, planner.size)
+            question = "Where are the canvas's corners in this picture? Go round it, from any of them."
+            corners = asker.answer(PointCorners(question, images.from_uint8(photograph), found))
+            assert isinstance(corners, tuple)
+            run.look_at_picture(replace(given, corners=corners))
+
+        planner = run.planner
+        shown = planner.bare, planner.models, planner.size
+        run.keepers.append(PlanPictures(run.folder / LIVE, *shown, in_turns=run.spec.together).hear)
+        asker = Asker(run.folder, run.report, heed)
+        conductor = cls(
+            run.folder, run.report, stop_asked, since, lambda: run.session, look_at, asker.answer, elsewhere
+        )
+        if run.history is not None:
+            if run.history.question is not None:
+                run.report(events.Asked(None))  # nobody waits for an answer to it any more
+            conductor.owe(run.history.request, run.history.proposed)
+        run.listeners.append(conductor.hear)
+        return conductor
+
+    @property
+    def controls(self) -> Controls:
+        """Controls of a painting that is led from the page alone, which also answers the questions."""
+        return Controls(
+            stop_asked=self.stop_asked,
+            pause_cause=self.pause_cause,
+            go_on=self.go_on,
+            answer=self.ask,
+            paint_on=self.paint_on,
+            repaint=self.repaint,
+            adapt=self.adapt_alone,
+        )
+
+    def paint_on(self, difference: str, photograph: Tensor) -> bool:
+        """Asks whether a canvas that is not as it should be is painted on."""
+        question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"
+        return self.ask(Confirm(question, photograph, proposal=False)) is True
+
+    def repaint(self, number: int, picture: Tensor) -> bool:
+        """Asks whether a stroke in doubt is painted again."""
+        question = f"Stroke {number} was begun, and nothing tells whether it was painted. Paint it again?"
+        return self.ask(Confirm(question, picture, proposal=False)) is True
+
+    def owe(self, request: dict[str, Any], proposed: events.MadePictures | None) -> None:
         """Takes over what a person asked for before the painting broke off: it is done before the next stroke.
 
         If pictures were proposed, or are to be, the painting then waits until the person chooses one or goes on.
@@ -270,12 +243,15 @@ class PauseController:
                 wells = [to_hex(color) for color in session.person.wells.color]
                 brushes = [asdict(brush) for brush in session.hand.easel.person_brushes]
                 self.report(events.PersonMayPaint(brushes, wells))
-        while not self.stop.asked:
+        while not self.stop_asked():
             if not self._commands:
                 session = self.opened()
-                if session is None or not session.is_button_pressed():
+                ended = True if session is not None and session.is_button_pressed() else self.elsewhere(paused)
+                if ended is None:
                     time.sleep(_BETWEEN_GLANCES)
                     continue
+                if not ended:
+                    return False
                 self._commands.append(commands.GO_ON)
             command = self._commands.popleft()
             if command in (commands.GO_ON, commands.FINISH):
@@ -302,7 +278,7 @@ class PauseController:
 
     def _note(self, command: Command | None) -> None:
         """Notes in the journal that a request is being done, or that nothing is. Raises StorageError."""
-        self._session.note(events.RequestTaken({} if command is None else to_plain(command)))
+        self._session.note(events.CommandTaken({} if command is None else to_plain(command)))
 
     def _tell_answer(self) -> None:
         """Says how the robot answers the person, once."""
@@ -338,7 +314,7 @@ class PauseController:
         elif found is not None:
             self._welcome_or_protect(session, found)
         if found is not None:
-            shown = self.folder.make_live_path("found", ".jpg")
+            shown = make_live_path(self.folder, "found", ".jpg")
             images.save(found.outlined, shown)
             self.report(events.ResultFound("found", shown.name))
 
@@ -348,15 +324,11 @@ class PauseController:
         covers = " Strokes that are still planned would cover some of it." if found.covered >= 0.01 else ""
         question = f"You painted what is outlined here, about {share}.{covers} Shall it stay as it is?"
         if found.matters and self.ask(Confirm(question, found.outlined, proposal=True)) is True:
-            self._forbid(union_of(session.planner.region, found.painted))
+            forbid(session, self.folder, union_of(session.planner.region, found.painted))
             self._answer = "What you painted stays as it is: the robot paints around it."
         else:
             self._answer = "The robot has seen what you painted, and goes on from it."
         session.look_again()
-
-    def _forbid(self, forbidden: NDArray[np.bool_]) -> None:
-        """Forbids strokes on a part of the canvas [H, W], and notes that; nothing is replanned."""
-        forbid(self._session, self.folder.painting, forbidden, self._show_region)
 
     def adapt_alone(self, turn: TurnTaken) -> Plan | None:
         """Answers a turn as `adapt`, outside of a pause, and says how."""
@@ -377,7 +349,7 @@ class PauseController:
             self._answer = str(trouble)
             return None
         if answer.forbidden is not None:
-            self._forbid(answer.forbidden)
+            forbid(session, self.folder, answer.forbidden)
         if game.policy != "alternate" or answer.forbidden is not None:
             self._answer = answer.sentence
         return answer.rest
@@ -390,24 +362,23 @@ class PauseController:
             case commands.PaintStroke(brush, paint, points):
                 session.person.paint(PenStroke(brush, paint, points))
             case commands.GivePicture(picture):
-                self.look_at(self.folder.pictures / f"{picture}.png")
+                self.look_at(self.folder / GIVEN / f"{picture}.png")
             case commands.LeaveOut(count):
                 rest = session.rest
                 session.paint_instead(rest.part(slice(max(0, len(rest) - count))))
             case commands.Protect(picture, only):
-                drawing = images.load(self.folder.pictures / f"{picture}.png")
-                session.planner = session.planner.keeping_clear(region_of(drawing, only_inside=only))
-                kept = keep_region(self.folder.painting, drawing)
-                session.note(events.RegionProtected(kept, only, self._show_region(drawing)))
+                drawing = images.load(self.folder / GIVEN / f"{picture}.png")
+                mark(session, self.folder, drawing, only=only)
                 session.look_again()
             case commands.FREE:
                 session.person.release()
                 session.planner = session.planner.keeping_clear(None)
-                session.note(events.RegionProtected(None))
+                session.note(events.CommandDone(events.DrawnRegion(None)))
                 session.look_again()
-            case commands.ChangeGoal(request):
-                wanted = RunSpec.of(**request.goals(self.folder.pictures))
-                pursue(session, self.folder.painting, wanted, request.model_dump(mode="json"))
+            case commands.ChangeGoal(terms, initial):
+                wanted = RunSpec.of(**goal_items(self.folder / GIVEN, terms, initial))
+                plain = to_plain(command)
+                pursue(session, self.folder, wanted, {name: plain[name] for name in ("terms", "initial")})
             case commands.Propose():
                 self._propose(command)
             case commands.TakeTurns():
@@ -421,12 +392,6 @@ class PauseController:
         assert session is not None, "there is no pause before the session is open"
         return session
 
-    def _show_region(self, drawing: Tensor) -> str:
-        """Writes the drawing of a region for the page, and returns its name."""
-        shown = self.folder.make_live_path("region", ".png")
-        images.save(drawing, shown)
-        return shown.name
-
     def _propose(self, command: commands.Propose) -> None:
         """Has pictures made that begin from the canvas, and shows them; what the person painted is protected first."""
         session, order = self._session, MakingOrder.load(self.folder)
@@ -434,17 +399,19 @@ class PauseController:
         require_canvas_maker(order.maker)
         own = session.person.find_own_paint()
         if own is not None:
-            self._forbid(union_of(session.planner.region, own))
+            forbid(session, self.folder, union_of(session.planner.region, own))
         making = propose(
-            session, self.folder.painting, command.words, order.maker, minutes=order.minutes,
-            stop_asked=lambda: self.stop.asked or commands.END_MAKING in list(self._commands),
+            session, self.folder, command.words, order.maker, minutes=order.minutes,
+            stop_asked=lambda: self.stop_asked() or commands.END_MAKING in list(self._commands),
             tell=lambda sentence: self.report(events.Advanced(sentence)),
         )  # fmt: skip
-        shown = show_pictures(making, self.folder.live, secrets.token_hex(12))
-        session.note(record_making(without_folders(making), order.label, self.folder.painting, shown))
+        shown = show_pictures(making, self.folder / LIVE, secrets.token_hex(12))
+        made = record_making(without_folders(making), order.label, self.folder, shown)
+        session.note(events.CommandDone(made))
         if own is not None:
             self._remark(_YOURS_STAYS)
 
     def _take_turns(self, command: commands.TakeTurns) -> None:
         self._since, self._since_time = 0, time.monotonic()
-        self._session.note(events.Turns(command.count, command.minutes, command.policy, command.keep))
+        turns = events.Turns(command.count, command.minutes, command.policy, command.keep)
+        self._session.note(events.CommandDone(turns))

@@ -3,6 +3,7 @@
 import math
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
@@ -11,36 +12,34 @@ import torch
 from pydantic import TypeAdapter, ValidationError
 
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, PointCorners, Question
+from frida_painter.easel.kinds import INBOX
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.event_log import FEED, EventLog
 from frida_painter.session.events import Asked
-from frida_painter_studio import commands, painter
-from frida_painter_studio.commands import (
+from frida_painter_studio.stop import StopPressed, StopWatch
+from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
+from frida_painter_studio.web_studio import Followed
+from frida_painter_together import asking, inbox
+from frida_painter_together.asking import MAX_ABSENCE, Asker, describe_question
+from frida_painter_together.commands import (
     END_MAKING,
     FINISH,
     FREE,
     GO_ON,
-    LEAD_GOOD_FOR,
     LOOK,
     MAX_POINTS,
     PAUSE,
     ChangeGoal,
     Command,
     GivePicture,
-    Inbox,
+    GoalRequest,
     LeaveOut,
-    Message,
     PaintStroke,
     Propose,
     Protect,
-    Reply,
     TakeTurns,
-    tell_worker,
 )
-from frida_painter_studio.painter import MAX_ABSENCE, Asker, describe_question
-from frida_painter_studio.stop import StopPressed, StopWatch
-from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest
-from frida_painter_studio.web_studio import Followed
+from frida_painter_together.inbox import FOLLOWED, LEAD_GOOD_FOR, Inbox, Message, Reply, send
 
 
 def heard(inbox: Inbox) -> list[Command | None]:
@@ -48,13 +47,13 @@ def heard(inbox: Inbox) -> list[Command | None]:
 
 
 def test_each_command_is_heard_once(tmp_path: Path) -> None:
-    folder = PaintingFolder(tmp_path)
+    folder = tmp_path
     listener = Inbox(folder, 0.0)
-    tell_worker(folder, PAUSE, "browser")
-    tell_worker(folder, TakeTurns(5), "browser")
+    send(folder, PAUSE)
+    send(folder, TakeTurns(5))
     assert heard(listener) == [PAUSE, TakeTurns(5)]
     assert heard(listener) == []
-    with EventLog(folder.inbox, FEED) as log:
+    with EventLog(folder / INBOX, FEED) as log:
         for record in log.found:
             log.append(record)
     assert heard(listener) == [], "said again, and known already"
@@ -64,29 +63,29 @@ def test_each_command_is_heard_once(tmp_path: Path) -> None:
 def test_what_was_asked_while_nobody_could_hear_is_not_done_later(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = PaintingFolder(tmp_path)
-    tell_worker(folder, GO_ON, "browser")
-    now = commands.time.time()
-    monkeypatch.setattr(commands.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
+    folder = tmp_path
+    send(folder, GO_ON)
+    now = inbox.time.time()
+    monkeypatch.setattr(inbox.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
     assert heard(Inbox(folder, 0.0)) == []
-    monkeypatch.setattr(commands.time, "time", lambda: now - 3600)
+    monkeypatch.setattr(inbox.time, "time", lambda: now - 3600)
     assert heard(Inbox(folder, 0.0)) == [], "the clock was set back"
 
 
 def test_what_was_said_to_a_painter_is_not_done_again_by_the_next_one(tmp_path: Path) -> None:
-    folder = PaintingFolder(tmp_path)
-    first = Inbox(folder, commands.time.time())
-    tell_worker(folder, PAUSE, "browser")
-    tell_worker(folder, GO_ON, "browser")
+    folder = tmp_path
+    first = Inbox(folder, inbox.time.time())
+    send(folder, PAUSE)
+    send(folder, GO_ON)
     assert len(first.listen()) == 2
-    following = Inbox(folder, commands.time.time())
+    following = Inbox(folder, inbox.time.time())
     assert heard(following) == []
-    tell_worker(folder, PAUSE, "browser")
+    send(folder, PAUSE)
     assert heard(following) == [PAUSE]
 
 
 POINT = (0.5, 0.5, 1.0, 0.0, 0.0, 0.0)
-REQUEST = {"terms": [{"kind": "image", "picture": "a" * 32}, {"kind": "text", "words": "sea"}], "strokes": 7}
+TERMS = [{"kind": "image", "picture": "a" * 32}, {"kind": "text", "words": "sea"}]
 EACH: dict[str, tuple[dict[str, Any], Command]] = {
     "pause": ({}, PAUSE),
     "go on": ({}, GO_ON),
@@ -100,7 +99,7 @@ EACH: dict[str, tuple[dict[str, Any], Command]] = {
     "paint": ({"brush": "fine", "paint": 1, "points": [[0.5, 0.5, 1, 0, 0, 0]]}, PaintStroke("fine", 1, (POINT,))),
     "propose": ({"words": "a stormy sea", "maker": "mine"}, Propose("a stormy sea", "mine")),
     "end making": ({}, END_MAKING),
-    "goal": ({"request": REQUEST}, ChangeGoal(PaintingRequest.model_validate(REQUEST))),
+    "goal": ({"terms": TERMS}, ChangeGoal(tuple(GoalRequest.model_validate(each) for each in TERMS))),
 }
 
 
@@ -109,8 +108,8 @@ def test_a_command_is_the_same_at_the_page_in_the_file_and_at_the_painter(tmp_pa
     more, means = EACH[kind]
     command: Command = TypeAdapter(Command).validate_python({"kind": kind, **more})
     assert command == means
-    tell_worker(PaintingFolder(tmp_path), command, "browser")
-    assert heard(Inbox(PaintingFolder(tmp_path), 0.0)) == [means]
+    send(tmp_path, command)
+    assert heard(Inbox(tmp_path, 0.0)) == [means]
 
 
 def test_every_kind_of_command_is_tested() -> None:
@@ -127,18 +126,44 @@ def test_every_kind_of_command_is_tested() -> None:
         {"command": {"kind": "turns"}}, {"command": {"kind": "pause", "count": 3}},
         {"command": {"kind": "protect", "picture": "../x", "only": True}},
         {"command": {"kind": "protect", "picture": "a" * 32, "only": 1}},
-        {"command": {"kind": "goal", "request": {"terms": []}}},
+        {"command": {"kind": "goal", "terms": []}},
     ],
 )  # fmt: skip
 def test_what_is_no_command_is_left_out(tmp_path: Path, changes: dict[str, Any]) -> None:
-    folder = PaintingFolder(tmp_path)
-    tell_worker(folder, LOOK, "browser")
-    (record,) = EventLog.read(folder.inbox, FEED)
+    folder = tmp_path
+    send(folder, LOOK)
+    (record,) = EventLog.read(folder / INBOX, FEED)
     assert Message.model_validate(record).command == LOOK
-    folder.inbox.unlink()
-    with EventLog(folder.inbox, FEED) as log:
+    (folder / INBOX).unlink()
+    with EventLog(folder / INBOX, FEED) as log:
         log.append({**record, **changes})
     assert heard(Inbox(folder, 0.0)) == []
+
+
+FLOODS: dict[str, Callable[[bytes], bytes]] = {
+    "half a command": lambda line: line[: len(line) // 2],
+    "a line without an end": lambda line: b"0" * 5000,
+    "a line that is too long": lambda line: b"0" * 5000 + b"\n",
+    "lines that are none": lambda line: b"\n" * 5000,
+    "the same again and again": lambda line: 40 * line,
+    "a foreign kind": lambda line: line.replace(b"look", b"home"),
+}
+
+
+@pytest.mark.parametrize("flood", FLOODS.values(), ids=FLOODS)
+def test_an_inbox_that_holds_anything_is_read_in_bounded_parts_and_the_next_command_is_heard(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flood: Callable[[bytes], bytes]
+) -> None:
+    monkeypatch.setattr(inbox, "_MAX_READ", 1000)
+    listener = Inbox(tmp_path, 0.0)
+    send(tmp_path, LOOK)
+    assert heard(listener) == [LOOK]
+    content = (tmp_path / INBOX).read_bytes()
+    (tmp_path / INBOX).write_bytes(content + flood(content))
+    assert [command for _ in range(10) for command in heard(listener)] == []
+    send(tmp_path, PAUSE)  # the line before may have taken it along
+    send(tmp_path, GO_ON)
+    assert [command for _ in range(60) for command in heard(listener)][-1:] == [GO_ON]
 
 
 @pytest.mark.parametrize(
@@ -175,16 +200,20 @@ QUESTIONS: list[tuple[Question, dict[str, Any], Answer]] = [
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> PaintingFolder:
-    (tmp_path / "live").mkdir()
-    return PaintingFolder(tmp_path)
+def folder(tmp_path: Path) -> Path:
+    return tmp_path
 
 
-def asked(folder: PaintingFolder) -> dict[str, Any]:
+def asker(folder: Path, **more: Any) -> Asker:
+    """Who asks in a job of this folder."""
+    return Asker(folder, Feed(PaintingFolder(folder)).tell, StopWatch(folder / "stop", folder.parent).heed, **more)
+
+
+def asked(folder: Path) -> dict[str, Any]:
     """The question that stands in the feed, once it does."""
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
-        for event in FeedReader(folder.feed).read():
+        for event in FeedReader(PaintingFolder(folder).feed).read():
             if isinstance(event, Asked):
                 return event.question
         time.sleep(0.01)
@@ -193,44 +222,44 @@ def asked(folder: PaintingFolder) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("question", "says", "means"), QUESTIONS)
 def test_a_question_waits_for_its_answer_and_no_other(
-    folder: PaintingFolder, question: Question, says: dict[str, Any], means: Answer
+    folder: Path, question: Question, says: dict[str, Any], means: Answer
 ) -> None:
-    asker, found = Asker(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent)), list[Answer]()
-    waiting = threading.Thread(target=lambda: found.append(asker.answer(question)), daemon=True)
+    asks, found = asker(folder), list[Answer]()
+    waiting = threading.Thread(target=lambda: found.append(asks.answer(question)), daemon=True)
     waiting.start()
     shown = asked(folder)
     assert ("picture" in shown) == (getattr(question, "picture", None) is not None)
-    tell_worker(folder, Reply.model_validate({"question": "0" * 16, **says}), "browser")
-    tell_worker(folder, Reply.model_validate({"question": shown["id"]}), "browser")
+    send(folder, Reply.model_validate({"question": "0" * 16, **says}))
+    send(folder, Reply.model_validate({"question": shown["id"]}))
     waiting.join(0.2)
     assert waiting.is_alive(), "these were answers to something else, or none"
-    tell_worker(folder, Reply.model_validate({"question": shown["id"], **says}), "browser")
+    send(folder, Reply.model_validate({"question": shown["id"], **says}))
     waiting.join(20)
     assert found == [means]
-    assert FeedReader(folder.feed).read()[-1] == Asked(None)
+    assert FeedReader(PaintingFolder(folder).feed).read()[-1] == Asked(None)
 
 
-def test_an_answer_that_comes_too_late_is_none(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    tell_worker(folder, Reply(question="0" * 16, yes=True), "browser")
+def test_an_answer_that_comes_too_late_is_none(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    send(folder, Reply(question="0" * 16, yes=True))
     assert len(Inbox(folder, 0.0).listen()) == 1
     now = time.time()
-    monkeypatch.setattr(commands.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
+    monkeypatch.setattr(inbox.time, "time", lambda: now + LEAD_GOOD_FOR + 1)
     assert Inbox(folder, 0.0).listen() == []
 
 
-def test_stop_ends_a_question(folder: PaintingFolder) -> None:
-    asker, caught = Asker(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent)), list[BaseException]()
+def test_stop_ends_a_question(folder: Path) -> None:
+    asks, caught = asker(folder), list[BaseException]()
 
     def wait() -> None:
         try:
-            asker.answer(Confirm("Is it so?"))
+            asks.answer(Confirm("Is it so?"))
         except StopPressed as stop:
             caught.append(stop)
 
     waiting = threading.Thread(target=wait, daemon=True)
     waiting.start()
     asked(folder)
-    folder.stop.touch()
+    (folder / "stop").touch()
     waiting.join(20)
     assert len(caught) == 1
 
@@ -253,28 +282,27 @@ class FollowedClock:
 
 @pytest.mark.parametrize("followed", [0.0, 2000.0])
 def test_a_dialogue_that_no_page_follows_is_left_so_that_the_machine_is_free(
-    folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch, followed: float
+    folder: Path, monkeypatch: pytest.MonkeyPatch, followed: float
 ) -> None:
-    clock = FollowedClock(folder.followed, followed)
-    monkeypatch.setattr(painter, "time", clock)
-    asker = Asker(folder, Feed(folder), StopWatch(folder.stop, folder.path.parent), may_leave=True)
+    clock = FollowedClock(folder / FOLLOWED, followed)
+    monkeypatch.setattr(asking, "time", clock)
+    asks = asker(folder, may_leave=True)
     with pytest.raises(Interrupted, match=r"No page was open for 10 minutes; what was done before is kept"):
-        asker.answer(Confirm("Is it so?"))
+        asks.answer(Confirm("Is it so?"))
     assert followed + MAX_ABSENCE <= clock.now <= followed + MAX_ABSENCE + 60
-    assert FeedReader(folder.feed).read()[-1] == Asked(None), "nothing is asked any more"
+    assert FeedReader(PaintingFolder(folder).feed).read()[-1] == Asked(None), "nothing is asked any more"
 
 
-def test_a_question_of_a_painting_waits_for_days(folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = FollowedClock(folder.followed, 0.0)
-    monkeypatch.setattr(painter, "time", clock)
-    stop = StopWatch(folder.stop, folder.path.parent)
-    monkeypatch.setattr(clock, "sleep", lambda seconds: folder.stop.touch() if clock.now > 1e5 else advance())
+def test_a_question_of_a_painting_waits_for_days(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = FollowedClock(folder / FOLLOWED, 0.0)
+    monkeypatch.setattr(asking, "time", clock)
+    monkeypatch.setattr(clock, "sleep", lambda seconds: (folder / "stop").touch() if clock.now > 1e5 else advance())
 
     def advance() -> None:
         clock.now += 1e4
 
     with pytest.raises(StopPressed):
-        Asker(folder, Feed(folder), stop).answer(Confirm("Are the wells filled?"))
+        asker(folder).answer(Confirm("Are the wells filled?"))
 
 
 @pytest.mark.parametrize(

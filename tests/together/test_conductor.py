@@ -14,6 +14,7 @@ import pytest
 import torch
 
 from frida_painter import images
+from frida_painter.easel.kinds import GIVEN, LIVE
 from frida_painter.errors import FrameRejected, StorageError
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.plan import Plan
@@ -25,7 +26,9 @@ from frida_painter.session.controls import Controls
 from frida_painter.session.events import Durable, Event, PauseCause, kind_of
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import ResumeState
-from frida_painter_studio.commands import (
+from frida_painter_studio.picture_choosing import AllowedMakers
+from frida_painter_studio.stop import StopPressed, StopWatch
+from frida_painter_together.commands import (
     END_MAKING,
     FINISH,
     FREE,
@@ -35,16 +38,14 @@ from frida_painter_studio.commands import (
     ChangeGoal,
     Command,
     GivePicture,
+    GoalRequest,
     LeaveOut,
     Propose,
     Protect,
     TakeTurns,
-    tell_worker,
 )
-from frida_painter_studio.painter import PauseController
-from frida_painter_studio.picture_choosing import AllowedMakers, MakingOrder, MakingRequest
-from frida_painter_studio.stop import StopPressed, StopWatch
-from frida_painter_studio.studio_folder import PaintingFolder, PaintingRequest
+from frida_painter_together.conductor import Conductor
+from frida_painter_together.inbox import send
 from killing import kill_when
 from support.boat import BOAT
 from support.planning import CANVAS, goal, picture, plain, small_table
@@ -56,11 +57,9 @@ Told = TypeVar("Told")
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> PaintingFolder:
-    folder = PaintingFolder(tmp_path / "cup")
-    folder.live.mkdir(parents=True)
-    folder.pictures.mkdir()
-    return folder
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "cup" / GIVEN).mkdir(parents=True)
+    return tmp_path / "cup"
 
 
 class Table:
@@ -68,7 +67,7 @@ class Table:
 
     def __init__(
         self,
-        folder: PaintingFolder,
+        folder: Path,
         strokes: int,
         *,
         pause_after: int = 2,
@@ -76,8 +75,8 @@ class Table:
         began: float = 0.0,
     ) -> None:
         self.folder = folder
-        self.stop = StopWatch(folder.stop, folder.path.parent)
-        self.controller = PauseController(folder, lambda event: self.setup._hear(event), self.stop, began)
+        self.stop = StopWatch(folder / "stop", folder.parent)
+        self.controller = Conductor(folder, lambda event: self.setup._hear(event), lambda: self.stop.asked, began)
         self.setup = SessionSetup(
             strokes,
             replans=0,
@@ -88,12 +87,13 @@ class Table:
         self.setup.session.interruptions.pause_cause = self._pause_cause
         self.controller.opened = lambda: self.setup.session
         self.says: list[Command] = []
-        deadline = threading.Timer(180, folder.stop.touch)  # a pause that nobody ends is not waited for
+        deadline = threading.Timer(180, (folder / "stop").touch)  # a pause that nobody ends is not waited for
         deadline.daemon = True
         deadline.start()
 
     def told(self, kind: type[Told]) -> list[Told]:
-        return [event for event in self.setup.heard if isinstance(event, kind)]
+        results = [event.result for event in self.setup.heard if isinstance(event, events.CommandDone)]
+        return [each for each in (*self.setup.heard, *results) if isinstance(each, kind)]
 
     def _pauses(self, after: int) -> Any:
         def pause_at(event: Event) -> bool:
@@ -107,13 +107,13 @@ class Table:
 
     def _go_on(self, paused: events.Paused) -> bool:
         for command in self.says:
-            tell_worker(self.folder, command, "browser")
+            send(self.folder, command)
         while len(self.controller._commands) < len(self.says) and not self.stop.asked:
             time.sleep(0.01)  # a command is good for seconds, and what the first one asks for may take longer
         return self.controller.go_on(paused)
 
 
-def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: PaintingFolder) -> None:
+def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Path) -> None:
     table = Table(folder, 8)
     table.says = [LOOK, LeaveOut(3), PAUSE, GO_ON]
     assert table.setup.run().painted == 5
@@ -121,7 +121,7 @@ def test_in_a_pause_strokes_are_left_out_and_the_painting_goes_on(folder: Painti
     assert "arm aside" in paused.reason and len(table.told(events.WentOn)) == 1
 
 
-def test_turns_are_taken(folder: PaintingFolder) -> None:
+def test_turns_are_taken(folder: Path) -> None:
     table = Table(folder, 7)
     table.says = [TakeTurns(2), GO_ON]
     assert table.setup.run().painted == 7
@@ -129,21 +129,21 @@ def test_turns_are_taken(folder: PaintingFolder) -> None:
     assert len(turns) >= 2 and "your turn" in turns[0].reason
 
 
-def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: PaintingFolder) -> None:
+def test_what_cannot_be_done_is_told_and_nothing_goes_on(folder: Path) -> None:
     table = Table(folder, 4)
     table.setup.planner.size = CANVAS  # type: ignore[attr-defined]
-    images.save(torch.zeros(3, 40, 50), folder.pictures / f"{DRAWING}.png")
-    request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE}]})
-    table.says = [Protect(DRAWING, only=False), Protect(PICTURE, only=False), ChangeGoal(request), GO_ON]
+    images.save(torch.zeros(3, 40, 50), folder / GIVEN / f"{DRAWING}.png")
+    other = ChangeGoal((GoalRequest(kind="image", picture=PICTURE),))
+    table.says = [Protect(DRAWING, only=False), Protect(PICTURE, only=False), other, GO_ON]
     assert table.setup.run().painted == 4
     sentences = [event.sentence for event in table.told(events.Remark)]
     assert "Nothing was drawn" in sentences[0] and len(sentences) == 3
 
 
-def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFolder) -> None:
+def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: Path) -> None:
     controller = Table(folder, 4).controller
     for command in (TakeTurns(5), PAUSE, GO_ON):
-        tell_worker(folder, command, "browser")
+        send(folder, command)
     while (cause := controller.pause_cause()) is None:
         time.sleep(0.01)
     assert cause == "person"
@@ -151,32 +151,29 @@ def test_what_was_asked_after_a_pause_is_done_in_that_pause(folder: PaintingFold
     assert controller.go_on(events.Paused("You asked for a pause.", 3, "person"))
 
 
-def test_a_region_and_another_goal_reach_the_planner(folder: PaintingFolder) -> None:
-    folder.painting.mkdir()
-    table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
+def test_a_region_and_another_goal_reach_the_planner(folder: Path) -> None:
+    table = Table(folder, 4, journal=Journal.begin(folder, {}, {}))
     planner = Planner(goal(), *plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.02), seed=1))
     white = torch.ones(3, planner.fine.rows, planner.fine.columns)
     made = planner.plan(white, 4, 1, lambda step: None)
     table.setup.session.planner = planner
     drawn = torch.zeros(3, 60, 80)
     drawn[:, :, :30] = 1
-    images.save(drawn, folder.pictures / f"{DRAWING}.png")
-    images.save(picture(60, 80), folder.pictures / f"{PICTURE}.png")
-    request = PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]})
-    table.says = [Protect(DRAWING, only=False), ChangeGoal(request), GO_ON]
+    images.save(drawn, folder / GIVEN / f"{DRAWING}.png")
+    images.save(picture(60, 80), folder / GIVEN / f"{PICTURE}.png")
+    table.says = [Protect(DRAWING, only=False), NEW_GOAL, GO_ON]
     table.setup.session.run(4, 1, made)
     table.setup.session.journal.close()
     after = table.setup.session.planner
     assert after is not planner and after.region is not None and planner.region is None
     assert after.goal.terms[0].weight == 2
-    (told,) = table.told(events.RegionProtected)
-    assert (told.region, told.only) == ("regions/1.png", False)
-    assert told.picture is not None and folder.find_shown("live", told.picture) is not None
-    history = Journal.reopen(folder.painting)[1]
-    kept_region = resuming.region(folder.painting, history)
+    (told,) = table.told(events.DrawnRegion)
+    assert told.drawing is not None and (folder / "regions" / told.drawing).is_file() and told.only is False
+    history = Journal.reopen(folder)[1]
+    kept_region = resuming.region(folder, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
-    assert read_goal(folder.painting / history.goal)["goal"][0]["weight"] == 2
-    assert table.told(events.GoalChanged)[0].wish["terms"][0]["weight"] == 2
+    assert read_goal(folder / history.goal)["goal"][0]["weight"] == 2
+    assert table.told(events.NewGoal)[0].wish["terms"][0]["weight"] == 2
     assert sum(isinstance(event, events.Planned) for event in table.setup.heard) >= 3
 
 
@@ -187,11 +184,11 @@ def _planned(table: Table) -> Plan:
     return planner.plan(torch.ones(3, planner.fine.rows, planner.fine.columns), 6, 1, lambda step: None)
 
 
-def _ask(*commands: Command) -> Callable[[PaintingFolder], None]:
+def _ask(*commands: Command) -> Callable[[Path], None]:
     """Asks for these in a pause of a new painting."""
 
-    def ask(folder: PaintingFolder) -> None:
-        table = Table(folder, 6, journal=Journal.begin(folder.painting, {}, {}))
+    def ask(folder: Path) -> None:
+        table = Table(folder, 6, journal=Journal.begin(folder, {}, {}))
         table.says = list(commands)
         table.setup.session.run(6, 1, _planned(table))
 
@@ -202,11 +199,11 @@ WAVE = "sh -c 'cp $1 $2' sh {here}/wave.png {out} {canvas} {words}"
 """A maker that is quick."""
 
 
-def order(folder: PaintingFolder, command: str = WAVE, minutes: float = 1.0) -> Propose:
+def order(folder: Path, command: str = WAVE, minutes: float = 1.0) -> Propose:
     """Has the studio allow a maker, and returns the command of a person who asks it."""
-    images.save(picture(60, 80), folder.path / "wave.png")
-    allowed = AllowedMakers({"boats": f"command:{command.format_map(Places(here=folder.path))}"}, minutes)
-    MakingOrder.of(MakingRequest(words="add a boat", maker="boats"), allowed).keep(folder)
+    images.save(picture(60, 80), folder / "wave.png")
+    allowed = AllowedMakers({"boats": f"command:{command.format_map(Places(here=folder))}"}, minutes)
+    allowed.order("add a boat", "boats").keep(folder)
     return Propose("add a boat", "boats")
 
 
@@ -217,32 +214,31 @@ class Places(dict[str, Any]):
         return f"{{{name}}}"
 
 
-def _ask_maker(*commands: Command) -> Callable[[PaintingFolder], None]:
+def _ask_maker(*commands: Command) -> Callable[[Path], None]:
     return lambda folder: _ask(order(folder), *commands)(folder)
 
 
 def _proposals(table: Table) -> list[dict[str, Any]]:
-    return [one for made in table.told(events.PicturesMade)[-1:] for one in made.pictures]
+    return [one for made in table.told(events.MadePictures)[-1:] for one in made.pictures]
 
 
-def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: PaintingFolder) -> None:
-    folder.painting.mkdir()
-    (folder.path / "boat.py").write_text(BOAT)
-    table = Table(folder, 6, journal=Journal.begin(folder.painting, {}, {}))
+def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: Path) -> None:
+    (folder / "boat.py").write_text(BOAT)
+    table = Table(folder, 6, journal=Journal.begin(folder, {}, {}))
     command = f"{sys.executable} {{here}}/boat.py {{seed}} {{canvas}} {{out}} {{words}}"
     table.says = [order(folder, command), GO_ON]
     assert table.setup.run().painted == 6
     table.setup.session.journal.close()
-    (made,) = table.told(events.PicturesMade)
-    canvas = images.load(folder.painting / "changes" / "1" / "canvas.png")
+    (made,) = table.told(events.MadePictures)
+    canvas = images.load(folder / "changes" / "1" / "canvas.png")
     for one in made.pictures:
-        boat = images.load(folder.painting / one["file"])
+        boat = images.load(folder / one["file"])
         assert boat.shape == canvas.shape and 0.01 < float(((boat - canvas).abs().mean(0) > 0.1).float().mean()) < 0.2
-        assert folder.find_shown("live", one["picture"]) is not None
+        assert (folder / LIVE / one["picture"]).is_file()
     assert len({one["seed"] for one in made.pictures}) == 4
-    record = json.loads((folder.painting / "changes" / "1" / "making.json").read_text())
-    assert record["words"] == "add a boat" and str(folder.path) not in json.dumps(record["facts"])
-    history = Journal.reopen(folder.painting)[1]
+    record = json.loads((folder / "changes" / "1" / "making.json").read_text())
+    assert record["words"] == "add a boat" and str(folder) not in json.dumps(record["facts"])
+    history = Journal.reopen(folder)[1]
     assert history.goal == "" and history.request == {} and history.proposed is None, "it has painted on"
 
 
@@ -255,45 +251,43 @@ FAULTS = {
 
 @pytest.mark.parametrize(("command", "says"), FAULTS.values(), ids=FAULTS)
 def test_a_maker_that_fails_is_one_sentence_and_the_painting_keeps_its_goal(
-    folder: PaintingFolder, command: str, says: str
+    folder: Path, command: str, says: str
 ) -> None:
-    folder.painting.mkdir()
-    images.save(torch.rand(3, 30, 30), folder.path / "square.png")
-    table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
+    images.save(torch.rand(3, 30, 30), folder / "square.png")
+    table = Table(folder, 4, journal=Journal.begin(folder, {}, {}))
     table.says = [order(folder, command, minutes=0.02 if "sleep" in command else 1.0), GO_ON]
     assert table.setup.run().painted == 4
     (remark,) = (event.sentence for event in table.told(events.Remark))
     assert says in remark and "\n" not in remark
-    assert not table.told(events.PicturesMade) and not table.told(events.GoalChanged)
-    assert not list((folder.painting / "changes").glob("*/*"))
+    assert not table.told(events.MadePictures) and not table.told(events.NewGoal)
+    assert not list((folder / "changes").glob("*/*"))
 
 
-def test_the_person_ends_a_making_and_no_other_work(folder: PaintingFolder) -> None:
-    folder.painting.mkdir()
-    table = Table(folder, 4, journal=Journal.begin(folder.painting, {}, {}))
+def test_the_person_ends_a_making_and_no_other_work(folder: Path) -> None:
+    table = Table(folder, 4, journal=Journal.begin(folder, {}, {}))
     table.says = [order(folder, "sleep 3600 {canvas}"), END_MAKING, GO_ON]
     assert table.setup.run().painted == 4
     assert [event.sentence for event in table.told(events.Remark)] == ["You stopped the making of pictures."]
     assert len(table.told(events.WentOn)) == 1
 
 
-NEW_GOAL = ChangeGoal(PaintingRequest.model_validate({"terms": [{"kind": "image", "picture": PICTURE, "weight": 2}]}))
+NEW_GOAL = ChangeGoal((GoalRequest(kind="image", picture=PICTURE, weight=2),))
 REGION = Protect(DRAWING, only=False)
-Asked = tuple[Callable[[PaintingFolder], None], str, int, Callable[[Table, list[Path]], bool]]
+Asked = tuple[Callable[[Path], None], str, int, Callable[[Table, list[Path]], bool]]
 SAID_TO_BE_DONE: dict[str, Asked] = {
-    "goal": (_ask(NEW_GOAL), "request_taken", 1, lambda table, seen: _weight(table) == 2),
-    "protect, told": (_ask(REGION), "region_protected", 1, lambda table, seen: not _touch(table)),
-    "free": (_ask(REGION, FREE), "request_taken", 2, lambda table, seen: table.setup.session.planner.region is None),
-    "turns": (_ask(TakeTurns(1)), "turns", 1, lambda table, seen: table.controller._game == events.Turns(1)),
-    "picture": (_ask(GivePicture(PICTURE)), "request_taken", 1, lambda table, seen: len(seen) == 1),
-    "propose, while it makes": (_ask_maker(), "request_taken", 1, lambda table, seen: len(_proposals(table)) == 4),
-    "propose, made": (_ask_maker(), "pictures_made", 1, lambda table, seen: _waits_for_a_choice(table)),
-    "propose, chosen": (_ask_maker(NEW_GOAL), "goal_changed", 1, lambda table, seen: _weight(table) == 2),
+    "goal": (_ask(NEW_GOAL), "command_taken", 1, lambda table, seen: _weight(table) == 2),
+    "protect, told": (_ask(REGION), "command_done", 1, lambda table, seen: not _touch(table)),
+    "free": (_ask(REGION, FREE), "command_taken", 2, lambda table, seen: table.setup.session.planner.region is None),
+    "turns": (_ask(TakeTurns(1)), "command_done", 1, lambda table, seen: table.controller._game == events.Turns(1)),
+    "picture": (_ask(GivePicture(PICTURE)), "command_taken", 1, lambda table, seen: len(seen) == 1),
+    "propose, while it makes": (_ask_maker(), "command_taken", 1, lambda table, seen: len(_proposals(table)) == 4),
+    "propose, made": (_ask_maker(), "command_done", 1, lambda table, seen: _waits_for_a_choice(table)),
+    "propose, chosen": (_ask_maker(NEW_GOAL), "command_done", 2, lambda table, seen: _weight(table) == 2),
 }  # fmt: skip
 
 
 def _waits_for_a_choice(table: Table) -> bool:
-    return not table.told(events.PicturesMade) and len(table.told(events.Paused)) == 1
+    return not table.told(events.MadePictures) and len(table.told(events.Paused)) == 1
 
 
 def _weight(table: Table) -> float:
@@ -309,15 +303,14 @@ def _touch(table: Table) -> bool:
 
 @pytest.mark.parametrize("asked", SAID_TO_BE_DONE.values(), ids=SAID_TO_BE_DONE)
 def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_that_moment(
-    folder: PaintingFolder,
-    asked: tuple[Callable[[PaintingFolder], None], str, int, Callable[[Table, list[Path]], bool]],
+    folder: Path,
+    asked: tuple[Callable[[Path], None], str, int, Callable[[Table, list[Path]], bool]],
 ) -> None:
     ask, moment, times, is_done = asked
-    folder.painting.mkdir()
     drawn = torch.zeros(3, 60, 80)
     drawn[:, :, :30] = 1
-    images.save(drawn, folder.pictures / f"{DRAWING}.png")
-    images.save(picture(60, 80), folder.pictures / f"{PICTURE}.png")
+    images.save(drawn, folder / GIVEN / f"{DRAWING}.png")
+    images.save(picture(60, 80), folder / GIVEN / f"{PICTURE}.png")
     count = 0
 
     def said(record: dict[str, Any]) -> bool:
@@ -329,22 +322,22 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
         def tell_and_die(journal: Journal, event: Durable) -> None:
             nonlocal count
             tell(journal, event)
-            count += kind_of(type(event)) == moment and event != events.RequestTaken({})
+            count += kind_of(type(event)) == moment and event != events.CommandTaken({})
             if count == times:
                 os.kill(os.getpid(), signal.SIGKILL)
 
         Journal.tell = tell_and_die  # type: ignore[method-assign]
         ask(folder)
 
-    kill_when(folder.painting / "nowhere", said, is_said)
-    journal, history = Journal.reopen(folder.painting)
-    kept = resuming.load_kept_plan(folder.painting, history)
+    kill_when(folder / "nowhere", said, is_said)
+    journal, history = Journal.reopen(folder)
+    kept = resuming.load_kept_plan(folder, history)
     assert kept is not None and history.painted == 2
     journal.record_resume(repaint=False)
     table, seen = Table(folder, 6, pause_after=0, journal=journal, began=time.time()), list[Path]()
     _planned(table)
     planner = table.setup.session.planner
-    region = resuming.region(folder.painting, history)
+    region = resuming.region(folder, history)
     table.setup.session.planner = planner.keeping_clear(region)
     table.controller.look_at = seen.append
     table.controller.owe(history.request, history.proposed)
@@ -354,29 +347,24 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
     journal.close()
     done, table.controller.opened = is_done(table, seen), lambda: None  # its thread stays, and would keep the session
     assert done
-    assert Journal.reopen(folder.painting)[1].request == {}, "and it is done once"
+    assert Journal.reopen(folder)[1].request == {}, "and it is done once"
 
 
-def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: PaintingFolder) -> None:
-    kill_when(
-        folder.painting / "journal", lambda record: record["kind"] == "request_taken", lambda: _ask(FINISH)(folder)
-    )
-    history = Journal.reopen(folder.painting)[1]
-    stop = StopWatch(folder.stop, folder.path.parent)
-    controller = PauseController(folder, lambda event: None, stop, time.time() + 1)
+def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: Path) -> None:
+    kill_when(folder / "journal", lambda record: record["kind"] == "command_taken", lambda: _ask(FINISH)(folder))
+    history = Journal.reopen(folder)[1]
+    controller = Conductor(folder, lambda event: None, lambda: False, time.time() + 1)
     controller.owe(history.request, history.proposed)
     assert controller.pause_cause() == "person" and list(controller._commands) == [FINISH]
 
 
-def test_what_can_only_be_done_in_a_pause_is_refused_aloud(folder: PaintingFolder) -> None:
+def test_what_can_only_be_done_in_a_pause_is_refused_aloud(folder: Path) -> None:
     table = Table(folder, 4)
     table.controller._commands.extend((LOOK, GO_ON, NEW_GOAL))
     assert table.controller.pause_cause() is None and len(table.told(events.Remark)) == 2
 
 
-def test_turns_that_find_no_room_in_the_journal_end_nothing(
-    folder: PaintingFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_turns_that_find_no_room_in_the_journal_end_nothing(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(event: Event) -> None:
         raise StorageError("The disk is full.")
 
@@ -387,24 +375,24 @@ def test_turns_that_find_no_room_in_the_journal_end_nothing(
 
 
 @pytest.fixture
-def stopped(folder: PaintingFolder) -> Iterator[StopWatch]:
-    stop = StopWatch(folder.stop, folder.path.parent)
+def stopped(folder: Path) -> Iterator[StopWatch]:
+    stop = StopWatch(folder / "stop", folder.parent)
     stop.heed()
-    folder.stop.touch()
+    (folder / "stop").touch()
     deadline = time.monotonic() + 20
     while not stop.asked and time.monotonic() < deadline:
         time.sleep(0.005)
     yield stop
 
 
-def test_stop_ends_a_pause_and_whatever_heeds_it(folder: PaintingFolder, stopped: StopWatch) -> None:
+def test_stop_ends_a_pause_and_whatever_heeds_it(folder: Path, stopped: StopWatch) -> None:
     with pytest.raises(StopPressed):
         stopped.heed()
-    controller = PauseController(folder, lambda event: None, stopped, 0.0)
+    controller = Conductor(folder, lambda event: None, lambda: stopped.asked, 0.0)
     assert controller.go_on(events.Paused("You asked for a pause.", 3, "person")) is False
 
 
-def test_a_person_s_picture_is_taken_in_the_pause_and_a_refusal_is_told(folder: PaintingFolder) -> None:
+def test_a_person_s_picture_is_taken_in_the_pause_and_a_refusal_is_told(folder: Path) -> None:
     table, taken = Table(folder, 5), []
 
     def look_at(path: Path) -> None:
@@ -415,13 +403,12 @@ def test_a_person_s_picture_is_taken_in_the_pause_and_a_refusal_is_told(folder: 
     table.controller.look_at = look_at
     table.says = [GivePicture(DRAWING), GivePicture(PICTURE), GO_ON]
     table.setup.run()
-    assert taken == [folder.pictures / f"{name}.png" for name in (DRAWING, PICTURE)]
+    assert taken == [folder / GIVEN / f"{name}.png" for name in (DRAWING, PICTURE)]
     assert [remark.sentence for remark in table.told(events.Remark)] == ["The picture does not show this canvas."]
 
 
-def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) -> None:
+def test_at_a_real_easel_paint_is_found_and_asked_about(folder: Path) -> None:
     world = VirtualPainting.made(seed=7)
-    folder.painting.mkdir()
     asked: list[Any] = []
 
     def answer(question: Any) -> bool:
@@ -435,7 +422,7 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
         studio.easel.operator.paint_stroke(PersonStroke(1, "fine", 0, place, press, 0 * press, 0 * press))  # type: ignore[attr-defined]
 
     told: list[Event] = []
-    controller = PauseController(folder, told.append, StopWatch(folder.stop, folder.path.parent), 0.0, ask=answer)
+    controller = Conductor(folder, told.append, lambda: False, 0.0, ask=answer)
 
     def go_on(paused: events.Paused) -> bool:
         photograph = session.person.await_paint
@@ -445,13 +432,13 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
             paint()
 
         session.person.await_paint = paint_after_it  # type: ignore[method-assign]
-        tell_worker(folder, GO_ON, "browser")
+        send(folder, GO_ON)
         return controller.go_on(paused)
 
-    journal = Journal.begin(folder.painting, {"strokes": STROKES}, RESTS_ON)
+    journal = Journal.begin(folder, {"strokes": STROKES}, RESTS_ON)
     due = iter([True])
     session, studio = world.session(
-        folder.painting,
+        folder,
         journal,
         controls=Controls(
             pause_cause=lambda: "person" if session._progress.painted == 4 and next(due, False) else None,
@@ -463,8 +450,8 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
     controller.opened = lambda: session
     assert session.run(STROKES, 3).painted == STROKES
     (shown,) = [event for event in told if isinstance(event, events.ResultFound)]
-    assert shown.what == "found" and (folder.live / shown.name).is_file()
-    regions = [event for event in told if isinstance(event, events.RegionProtected)]
+    assert shown.what == "found" and (folder / LIVE / shown.name).is_file()
+    regions = [event for event in told if isinstance(event, events.CommandDone)]
     (remark,) = [event.sentence for event in told if isinstance(event, events.Remark)]
     (question,) = asked
     assert "outlined" in question.text and question.picture.shape[0] == 3 and "still planned" in question.text
@@ -472,10 +459,9 @@ def test_at_a_real_easel_paint_is_found_and_asked_about(folder: PaintingFolder) 
     studio.close()
 
 
-def test_what_was_agreed_on_about_turns_is_known_after_the_painter_was_killed(folder: PaintingFolder) -> None:
-    folder.painting.mkdir()
-    journal = Journal.begin(folder.painting, {}, {})
-    journal.tell(events.Turns(7, 0.0, "continue", "protect"))
+def test_what_was_agreed_on_about_turns_is_known_after_the_painter_was_killed(folder: Path) -> None:
+    journal = Journal.begin(folder, {}, {})
+    journal.tell(events.CommandDone(events.Turns(7, 0.0, "continue", "protect")))
     journal.close()
-    table = Table(folder, 4, journal=Journal.reopen(folder.painting)[0])
+    table = Table(folder, 4, journal=Journal.reopen(folder)[0])
     assert table.controller._game == events.Turns(7, 0.0, "continue", "protect")

@@ -1,0 +1,169 @@
+"""A painting that the terminal paints is led from a page of the studio, stopped there, and gone on with there."""
+
+import io
+import os
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from cli.test_stopping import Painter, paint
+from frida_painter.cli.leading import Leader
+from frida_painter.session.events import Paused, WentOn
+from frida_painter_studio import worker_process, workers
+from frida_painter_studio.web_app_easel import WebAppEasel
+from killing import ForkedProcess
+from session.easel_errands import until
+from support.studio import Studio, Visitor
+
+State = dict[str, Any]
+
+
+class Page:
+    """A page that shows the only painting of a studio."""
+
+    def __init__(self, visitor: Visitor) -> None:
+        self.visitor = visitor
+
+    @property
+    def path(self) -> str:
+        return f"/api/paintings/{self.visitor.get('/api/paintings').json()[0]['id']}"
+
+    def see(self, holds: Callable[[State], object], seconds: float = 300) -> State:
+        """The painting, as soon as it is so."""
+
+        def look() -> State | None:
+            time.sleep(0.2)  # who asks too often is refused
+            cards = self.visitor.get("/api/paintings").json()
+            state: State = self.visitor.get(self.path).json() if cards else {}
+            assert state.get("stage") != "failed", state["trouble"]
+            return state if state.get("painting") and holds(state) else None
+
+        found: State = until(look, seconds)
+        return found
+
+    def say(self, kind: str, **more: Any) -> None:
+        answer = self.visitor.post(f"{self.path}/say", json={"kind": kind, **more})
+        assert answer.status_code == 200, answer.text
+
+    def upload(self, left: int, right: int) -> str:
+        """A picture whose halves have these greys."""
+        file, picture = io.BytesIO(), Image.new("L", (120, 90), right)
+        picture.paste(left, (0, 0, 40, 90))
+        picture.save(file, "PNG")
+        return str(self.visitor.post("/api/pictures", content=file.getvalue()).json()["id"])
+
+    def shows(self, place: str, name: str) -> bool:
+        return self.visitor.get(f"{self.path.removeprefix('/api')}/{place}/{name}").status_code == 200
+
+
+@pytest.fixture
+def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
+    """Of a studio whose workers are forked, as all programs of this room are."""
+
+    def start(*words: object, **more: Any) -> ForkedProcess:
+        def work() -> None:
+            sys.argv = ["worker", *map(str, words[2:])]
+            worker_process.main()
+
+        return ForkedProcess(work, **more)
+
+    monkeypatch.setattr(workers, "python_process", SimpleNamespace(start=start))
+    return Page(Studio(tmp_path, WebAppEasel(tmp_path / "calibration.json", pace=0.05)).visitor())
+
+
+@pytest.fixture
+def painter(tmp_path: Path) -> Iterator[Painter]:
+    begun = paint(tmp_path, "--pace", "0.05")
+    yield begun
+    begun.process.close()
+
+
+def stage(*wanted: str) -> Callable[[State], bool]:
+    return lambda state: state["stage"] in wanted
+
+
+def test_what_the_terminal_paints_is_led_stopped_and_gone_on_with_from_a_page(page: Page, painter: Painter) -> None:
+    page.see(lambda state: state["stage"] == "painting" and state["painting"]["done"] > 1)
+    page.say("pause")
+    paused = page.see(stage("paused"))["painting"]
+    assert paused["person"]["wells"] and paused["cause"] == "person"
+    page.say("paint", brush=paused["person"]["brushes"][0]["name"], paint=0, points=[[0.1, 0.5, 0.8, 0, 0, 0]])
+    page.see(lambda state: state["painting"]["person"]["strokes"] == 1)
+    page.say("protect", picture=page.upload(255, 0), only=False)
+    state = page.see(lambda state: state["stage"] == "paused" and state["painting"]["replanned"])
+    assert page.shows("regions", state["painting"]["region"]["picture"])
+    assert page.shows("live", f"{state['painting']['replanned']['prefix']}plan.jpg")
+    page.say("goal", terms=[{"kind": "image", "picture": page.upload(20, 200)}])
+    page.see(lambda state: state["stage"] == "paused" and state["painting"]["wish"])
+    page.say("turns", count=2)
+    page.say("go on")
+    mine = page.see(lambda state: state["painting"]["cause"] == "turn" and state["stage"] == "paused")
+    assert mine["painting"]["done"] <= paused["done"] + 3 and mine["painting"]["game"]["policy"] == "alternate"
+    page.say("turns", count=0)
+    page.say("go on")
+    page.see(stage("painting", "replanning"))
+    assert page.visitor.post("/api/stop").json()["stopped"] == 1
+    painter.process.wait(300)
+    stopped = page.see(lambda state: state["stage"] == "stopped" and not state["working"])
+    assert stopped["resumable"] and not (painter.folder / "stop").exists()
+    assert page.visitor.post(f"{page.path}/resume").status_code == 200
+    question = page.see(lambda state: state["question"] or state["stage"] == "painting")["question"]
+    if question:  # a stroke is in doubt
+        answer = {"question": question["id"], "yes": True}
+        assert page.visitor.post(f"{page.path}/answer", json=answer).status_code == 200
+    page.see(stage("painting"))
+    page.say("pause")
+    page.see(stage("paused"))
+    page.say("go on")
+    finished = page.see(stage("finished"), 600)["painting"]
+    assert finished["region"] and finished["wish"]["terms"] and finished["person"]["strokes"] == 1
+
+
+class Run:
+    """As much of a run as a pause needs."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.session, self.painting, self.history = folder, None, None, None
+        self.easel, self.mixed, self.is_stopped = SimpleNamespace(simulated=True), None, False
+        self.listeners: list[Any] = []
+        self.told: list[Any] = []
+        self.report = self.told.append
+        self.controls = SimpleNamespace()
+
+
+@pytest.mark.parametrize(
+    ("cause", "file", "typed", "goes_on"),
+    [
+        ("person", True, None, True),  # the pause file is removed
+        ("person", False, None, True),  # it was gone before the robot stood still
+        ("trouble", False, None, False),  # nobody is here
+        ("trouble", False, "\n", True),
+        ("turn", False, "\n", True),
+    ],
+)
+def test_a_pause_ends_as_whoever_sits_at_the_terminal_wants_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cause: Any, file: bool, typed: str | None, goes_on: bool
+) -> None:
+    keyboard, screen = os.openpty()
+    stdin = os.fdopen(screen) if typed is not None else io.StringIO()
+    monkeypatch.setattr(sys, "stdin", stdin)
+    monkeypatch.setattr("frida_painter.cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
+    run: Any = Run(tmp_path)
+    leader = Leader(run, SimpleNamespace(asked=False), asked=False, started=0.0)  # type: ignore[arg-type]
+    if file:
+        (tmp_path / "pause").touch()
+        assert leader._pause_cause() == "person"
+        threading.Timer(0.3, (tmp_path / "pause").unlink).start()
+    if typed is not None:
+        os.write(keyboard, typed.encode())
+    assert leader._go_on(Paused("It waits.", 3, cause)) is goes_on
+    assert run.told == ([WentOn()] if goes_on else [])
+    os.close(keyboard)
+    stdin.close()
