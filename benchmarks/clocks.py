@@ -9,7 +9,6 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.table import StrokeTable, cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
@@ -17,10 +16,11 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import Palette
 from frida_painter.planning.problem import ObjectiveForms, PlanningProblem
 from frida_painter.planning.variables import Paints
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 from frida_painter_lab.experiment import Experiment
 from frida_painter_lab.runs import Value
 from frida_painter_lab.targets import load_shipped_targets

@@ -20,7 +20,7 @@ from torch.nn import functional
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import MapFrame
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 
 HIDDEN, CHANNELS, ROWS, COLUMNS = 20, 20, 64, 128
 

@@ -27,7 +27,7 @@ from frida_painter.planning.optimize import optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.render import reference, scanline
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row
 from frida_painter_lab.runs import Run
 from frida_painter_lab.targets import STYLES, load_shipped_targets

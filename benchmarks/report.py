@@ -16,8 +16,8 @@ from importlib import import_module
 from pathlib import Path
 
 from clocks import Benchmark
-from frida_painter.devices import prepare_process
-from frida_painter.provenance import describe_here
+from frida_painter.system.devices import prepare_process
+from frida_painter.system.provenance import describe_here
 from frida_painter_lab.experiment import Outcome, Progress
 
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"

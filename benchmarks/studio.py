@@ -29,8 +29,8 @@ import numpy as np
 from PIL import Image
 
 from clocks import Benchmark
-from frida_painter import python_process
 from frida_painter.session.events import Stopped
+from frida_painter.system import python_process
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable
 from frida_painter_lab.runs import Run
 from frida_painter_studio.studio_folder import Feed, PaintingFolder

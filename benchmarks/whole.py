@@ -10,7 +10,8 @@ from pathlib import Path
 from statistics import median
 
 from clocks import Benchmark
-from frida_painter import images, python_process, weights
+from frida_painter.objectives import weights
+from frida_painter.system import images, python_process
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable
 from frida_painter_lab.measures import psnr
 from frida_painter_lab.runs import Run

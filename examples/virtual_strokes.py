@@ -13,8 +13,8 @@ import torch
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.motion import Motion
-from frida_painter.palette import Palette
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.strokes import Strokes
 from frida_painter.virtual.studio import open_studio
 from frida_painter.virtual.tabletop import PlacementError
 

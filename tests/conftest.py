@@ -102,7 +102,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
     A process that paints keeps what it frees (`prepare_process`); one that tests paints a hundred times.
     """
-    if (devices := sys.modules.get("frida_painter.devices")) is not None:
+    if (devices := sys.modules.get("frida_painter.system.devices")) is not None:
         devices._KEPT = _MAX_KEPT
     began, clock = _processor_time(), time.monotonic()
     done = yield

@@ -42,7 +42,7 @@ def fetched(name: str) -> Path:
 
 def find(name: str) -> Path | None:
     """Returns the folder of a download; None if it is missing, damaged, or of another version of the project."""
-    from frida_painter import weights
+    from frida_painter.objectives import weights
 
     try:
         return weights.find(name)

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from frida_painter import picture_file, python_process
 from frida_painter.errors import FridaError, ImageError, ProcessLost
-from frida_painter.event_log import EventLog
-from frida_painter.python_process import OwnProcess
+from frida_painter.system import picture_file, python_process
+from frida_painter.system.event_log import EventLog
+from frida_painter.system.python_process import OwnProcess
 
 
 def kill_when(journal: Path, moment: Callable[[dict[str, Any]], bool], work: Callable[[], None]) -> None:
@@ -194,7 +194,7 @@ class ForkedCommand(ForkedProcess):
         self._err = tempfile.TemporaryFile("w+")  # noqa: SIM115
 
         def work() -> None:
-            from frida_painter.cli import commands
+            from frida_painter_cli import commands
 
             sys.argv = ["frida-painter", *words]
             commands.main()
@@ -241,12 +241,12 @@ def _start_forked(*words: Any, stdin: Any = None, stdout: Any = None, **options:
 @contextmanager
 def forked_easels() -> Iterator[None]:
     """Easels' processes are forked from this one; all else about them stays."""
-    with patch("frida_painter.python_process.start", _start_forked):
+    with patch("frida_painter.system.python_process.start", _start_forked):
         yield
 
 
 @contextmanager
 def fresh_easels() -> Iterator[None]:
     """Within `forked_easels`: easels' processes are started as people have them."""
-    with patch("frida_painter.python_process.start", _START):
+    with patch("frida_painter.system.python_process.start", _START):
         yield

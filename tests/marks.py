@@ -7,8 +7,8 @@ from frida_painter.brush.kinds import BrushKind, StrokeModel
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import StrokeTable, TableDetail, cached_table
 from frida_painter.frames import MapFrame
-from frida_painter.stroke_family import StrokeFamily, spline_matrix
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.family import StrokeFamily, spline_matrix
+from frida_painter.strokes.strokes import StrokeLimits
 from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape
 from made_once import made_by_this_code
 

@@ -8,7 +8,7 @@ from frida_painter.brush.kinds import BrushKind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.faults import NO_FAULTS, Faults, PlacementError
 from frida_painter.hardware.robot import Frame
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.strokes import StrokeLimits
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 

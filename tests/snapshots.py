@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
+from frida_painter.system import images
 
 
 class Snapshots:

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter import storage
 from frida_painter.calibration import Calibration, Done, LearnedFile, previous
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens
+from frida_painter.system import storage
 
 RECORD = Calibration(
     easel="virtual",

@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from frida_painter import storage
 from frida_painter.brush import table
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.errors import RobotError, StorageError
-from frida_painter.event_log import EventLog
 from frida_painter.runs import run
 from frida_painter.runs.look_folder import USED, GivenPicture, LookFolder
+from frida_painter.system import storage
+from frida_painter.system.event_log import EventLog
 from frida_painter_calibration.procedures.strokes import Recording, order_of
 from frida_painter_lab import commands
 from frida_painter_lab.experiment import Experiment

@@ -119,7 +119,7 @@ def test_everything_that_is_declared_is_imported() -> None:
 def test_the_command_line_does_not_load_what_only_tests_need() -> None:
     """In a process of its own: what was loaded before by other tests does not count."""
     program = (
-        "import sys; from frida_painter.cli import commands; commands.build(); "
+        "import sys; from frida_painter_cli import commands; commands.build(); "
         "print(*{name.partition('.')[0] for name in sys.modules})"
     )
     loaded = set(

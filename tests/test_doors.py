@@ -12,13 +12,13 @@ from PIL import Image
 from torch import Tensor
 
 import frida_painter as fp
-from frida_painter import images
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.weights import AnyBrush, load_stroke_model
 from frida_painter.canvas_size import AnyCanvas, CanvasSize
 from frida_painter.errors import ConfigError, ImageError, WeightsError
-from frida_painter.images import AnyPicture
-from frida_painter.palette import AnyColor, as_color
+from frida_painter.strokes.palette import AnyColor, as_color
+from frida_painter.system import images
+from frida_painter.system.images import AnyPicture
 from support.planning import picture
 
 # Protocols say what a part of a person's own gets, which is always the plain form; a limit has no colour.

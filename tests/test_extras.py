@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 
 from frida_painter import registry
-from frida_painter.cli import commands
 from frida_painter.errors import CameraError, ConfigError, FridaError, RobotError, WeightsError
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
-from frida_painter.weights import catalogue
+from frida_painter.objectives.weights import catalogue
+from frida_painter_cli import commands
 from frida_painter_drivers.cameras import GphotoCamera
 from frida_painter_drivers.serial_line import SerialLine
 from frida_painter_lab.env import make_env

@@ -13,17 +13,13 @@ from typing import Any
 import pytest
 import torch
 
-from frida_painter import event_log, images, storage
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.cli import commands
 from frida_painter.errors import FridaError, StorageError
-from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.mixing.recipe import PaintSet
 from frida_painter.perception import flatfield
 from frida_painter.perception.color import read_palette
-from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.runs import look_folder, painting_folder, reopening
 from frida_painter.runs.goal_item import read_goal_file
@@ -48,8 +44,12 @@ from frida_painter.session.events import (
 )  # fmt: skip
 from frida_painter.session.fold import FORMAT, VERSION
 from frida_painter.session.opening import load_record
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import event_log, images, storage
+from frida_painter.system.event_log import FEED, EventLog, LogReader
 from frida_painter_calibration.machine_setup import MachineSetup
 from frida_painter_calibration.teaching.marks import read_marks
+from frida_painter_cli import commands
 from frida_painter_lab.sweeps.sweep_spec import SweepFolder, SweepSpec
 from support.plans import made_up_plan
 

@@ -31,7 +31,7 @@ def layers() -> tuple[tuple[str, ...], ...]:
 
 LAYERS = layers()
 # Faces are thin, and none knows another: each can be taken away.
-FACES = ("cli", "frida_painter_studio")
+FACES = ("frida_painter_cli", "frida_painter_studio")
 # Edges are packages of their own, found by name as a stranger's are; the core imports none of them, and a
 # painting of a photograph loads none of them.
 EDGES = (
@@ -43,12 +43,12 @@ EDGES = (
     "frida_painter_words",
 )
 # What may name an edge: the public names, and those for packages of parts, which are loaded when they are used.
-DOORS = ("", "plugins", "plugins.conformance")
+DOORS = ("", "plugins", "__main__")
 # What a painting is opened from. PaintingRun opens all of it, and a face asks PaintingRun.
 OPENED_BY_A_RUN = {"planning.planner", "easel.parent", "session.journal", "report.recorder"}
 # Experiments take less: no session and no easel of a painting either.
 OPENED_FOR = {
-    "cli": OPENED_BY_A_RUN,
+    "frida_painter_cli": OPENED_BY_A_RUN,
     "frida_painter_studio": OPENED_BY_A_RUN,
     "frida_painter_lab": OPENED_BY_A_RUN | {"runs.settle", "session.loop", "easel.open", "brush.table"},
 }
@@ -56,6 +56,7 @@ OPENED_FOR = {
 REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", "planning", "session"}}
 # Pickles run what they hold, and torchvision does not import beside the build of torch that is pinned.
 FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal", "torchvision"}
+MAX_ROOMS, MAX_BESIDE = 14, 8
 MAX_LINES = 800
 MIN_LINES = 60  # of a module with one reader
 # Whatever a person names is read through storage.open_checked: a plain file of a size that was checked. These read
@@ -67,27 +68,27 @@ OWN_FILES = {
     "hardware/preset.py",
     "hardware/workcell.py",
     "mixing/paint.py",
-    "provenance.py",
+    "system/provenance.py",
     "frida_painter_drivers/sawyer/surroundings.py",
     "frida_painter_studio/studio_folder.py",
     "frida_painter_studio/security.py",
     "frida_painter_studio/server.py",
-    "weights/archive.py",
-    "weights/cache.py",
-    "weights/sources.py",
+    "objectives/weights/archive.py",
+    "objectives/weights/cache.py",
+    "objectives/weights/sources.py",
     "objectives/attention.py",
-    "plugins/__init__.py",
+    "plugins.py",
     "registry.py",
-    "weights/catalogue.py",
+    "objectives/weights/catalogue.py",
 }
 # Python is started by python_process.py, in which no code comes from the current folder. These start other programs, or
 # have a library start Python, `isolate_children`.
 STARTING = {
-    "python_process.py": {"sys.executable", "subprocess.Popen"},
+    "system/python_process.py": {"sys.executable", "subprocess.Popen"},
     "frida_painter_lab/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor"},
-    "video.py": {"subprocess.Popen", "subprocess.run"},
+    "system/video.py": {"subprocess.Popen", "subprocess.run"},
     "registry.py": {"sys.executable"},
-    "weights/sources.py": {"sys.executable"},
+    "objectives/weights/sources.py": {"sys.executable"},
 }
 STARTS = re.compile(
     r"subprocess\.(?!PIPE|DEVNULL|STDOUT|TimeoutExpired|CompletedProcess)\w+|sys\.(_base_)?executable|pty\.\w+|runpy\.\w+"
@@ -99,7 +100,7 @@ DELETING = {
     "brush/table.py": 1,  # the oldest tables of its cache, named by 32 hexadecimal digits
     "easel/host.py": 2,  # the live picture
     "easel/watchdog.py": 1,  # the stop file that it obeyed
-    "event_log.py": 4,  # the log, its tally and its reserve, by their full names
+    "system/event_log.py": 4,  # the log, its tally and its reserve, by their full names
     "hardware/latch.py": 2,  # the record of a stop; a folder in its place is renamed
     "frida_painter_lab/commands.py": 1,  # a folder named by storage.PART
     "frida_painter_lab/runs.py": 1,  # the failure of a run
@@ -110,7 +111,7 @@ DELETING = {
     "frida_painter_words/picture_makers/making.py": 5,
     "runs/run.py": 3,  # empty folders; a stop file that came too late
     "frida_painter_drivers/sawyer/arm_film.py": 1,  # the end of the film, which it just made
-    "storage.py": 2,  # temporary files, named by PART
+    "system/storage.py": 2,  # temporary files, named by PART
     "frida_painter_studio/side_jobs.py": 1,  # copies for the page, named by a random name of 24 digits
     "frida_painter_studio/server.py": 1,  # the links of the studio that closes
     "frida_painter_studio/stop.py": 2,  # its own key in the making, and the socket
@@ -122,8 +123,8 @@ DELETING = {
     "frida_painter_together/plan_pictures.py": 1,  # numbered previews of a plan
     "frida_painter_studio/worker.py": 1,  # a stop file
     "frida_painter_studio/workers.py": 3,  # stop files
-    "weights/cache.py": 5,  # downloads that are named by their hash, and their empty folder; the record
-    "weights/sources.py": 3,  # downloads that are named by their hash; folders named by storage.PART
+    "objectives/weights/cache.py": 5,  # downloads that are named by their hash, and their empty folder; the record
+    "objectives/weights/sources.py": 3,  # downloads that are named by their hash; folders named by storage.PART
 }
 READING = {"read_bytes", "read_text", "copyfile", "imread", "fromfile", "loadtxt", "genfromtxt", "safe_open", "memmap"}
 
@@ -234,7 +235,8 @@ def broken_rules(root: Path, package: str) -> list[str]:
         if not name.startswith(
             ("frida_painter_lab.sweeps", "frida_painter_lab.env")
         )  # many runs, each of them a PaintingRun
-        and (name, target) != ("cli.painting", "easel.parent")  # starts its process early, for PaintingRun
+        and (name, target)
+        != ("frida_painter_cli.painting", "easel.parent")  # starts its process early, for PaintingRun
     ]
     broken += [
         f"{name} imports {target}, which is an edge"
@@ -297,12 +299,18 @@ def test_imports_only_go_down_and_never_in_circles() -> None:
     ("files", "says"),
     [
         ({"errors.py": "import house.frames", "frames.py": ""}, "errors imports frames, which lies above"),
-        ({"errors.py": "def f():\n    from house import plan", "plan.py": ""}, "errors imports plan, which lies above"),
+        (
+            {"errors.py": "def f():\n    from house.strokes import plan", "strokes/plan.py": ""},
+            "errors imports strokes.plan, which lies above",
+        ),
         (
             {"brush/__init__.py": "", "brush/a.py": "from house.session.loop import Loop", "session/loop.py": ""},
             "above",
         ),
-        ({"frames.py": "import house.plan", "plan.py": "from house.frames import Size"}, "frames -> plan -> frames"),
+        (
+            {"frames.py": "import house.calibration", "calibration.py": "from house.frames import Size"},
+            "frames -> calibration -> frames",
+        ),
         (
             {"brush/__init__.py": "from house.brush.a import A", "brush/a.py": "from house.brush import B"},
             "brush -> brush.a -> brush",
@@ -310,7 +318,10 @@ def test_imports_only_go_down_and_never_in_circles() -> None:
         ({"render/fast.py": "import house.brush.a", "brush/a.py": "import house.render.fast"}, " -> "),
         ({"virtual/a.py": "from house.render import fast", "render/fast.py": ""}, "must not be part of reality"),
         (
-            {"frida_painter_studio/a.py": "def f():\n    from house.cli import b", "cli/b.py": ""},
+            {
+                "frida_painter_studio/a.py": "def f():\n    from house.frida_painter_cli import b",
+                "frida_painter_cli/b.py": "",
+            },
             "which is another face",
         ),
         (
@@ -325,7 +336,10 @@ def test_imports_only_go_down_and_never_in_circles() -> None:
             },
             "rooms in a circle: objectives -> objectives.kinds -> objectives",
         ),
-        ({"cli/a.py": "from house.planning.planner import P", "planning/planner.py": ""}, "PaintingRun opens for it"),
+        (
+            {"frida_painter_cli/a.py": "from house.planning.planner import P", "planning/planner.py": ""},
+            "PaintingRun opens for it",
+        ),
         ({"frida_painter_lab/a.py": "import house.session.loop", "session/loop.py": ""}, "PaintingRun opens for it"),
     ],
 )
@@ -355,7 +369,7 @@ def test_a_short_module_has_two_readers_or_is_an_entry_point() -> None:
         if not path.endswith("__init__.py") and source.text.count("\n") < MIN_LINES:
             late = name.endswith("kernels")  # numba is loaded by those alone that compute
             called = "__main__" in source.text or "@in_own_process(" in source.text  # in a process of its own
-            entered = late or called or name in points
+            entered = late or called or name in (*points, *DOORS)
             assert entered or count[name] >= 2, f"{name} has {count[name]} reader; put it there"
 
 
@@ -490,6 +504,12 @@ def test_the_door_is_watched() -> None:
     assert [files_opened(ast.parse(line)) for line in said] == [[1]] * 5
     for line in ("storage.read_bytes(a, 'b', 1)", "kind.open(order)", "archive.open(info)"):
         assert files_opened(ast.parse(line)) == []
+
+
+def test_the_painter_has_fourteen_rooms_and_eight_modules_beside_them() -> None:
+    rooms = {path.partition("/")[0] for path in sources() if "/" in path and not path.startswith("frida_painter_")}
+    beside = {path for path in sources() if "/" not in path and not path.startswith("__")}
+    assert len(rooms) <= MAX_ROOMS and len(beside) <= MAX_BESIDE
 
 
 def test_no_room_is_over_its_budget() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from frida_painter.errors import StorageError
-from frida_painter.event_log import FEED, JOURNAL, EventLog, LogPolicy, LogReader
+from frida_painter.system.event_log import FEED, JOURNAL, EventLog, LogPolicy, LogReader
 from frida_painter.virtual import simulation_log
 from frida_painter.virtual.simulation_log import SimulationLog
 from frida_painter_together.commands import TakeTurns

@@ -110,7 +110,7 @@ def test_the_package_alone_loads_nothing() -> None:
 
 def test_a_painting_loads_neither_calibration_procedures_nor_a_simulated_studio() -> None:
     """The studio is the business of the easel's process."""
-    loaded = modules_after("from frida_painter.cli import painting; from frida_painter.runs.run import PaintingRun")
+    loaded = modules_after("from frida_painter_cli import painting; from frida_painter.runs.run import PaintingRun")
     ours = {
         name.removeprefix("frida_painter.") for name in loaded if name.partition(".")[0].startswith("frida_painter")
     }

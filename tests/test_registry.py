@@ -10,7 +10,7 @@ import pytest
 from frida_painter import registry
 from frida_painter.errors import PluginError
 from frida_painter.hardware.kinds import CameraKind, RobotKind
-from frida_painter.options import camera_name
+from frida_painter.runs.options import camera_name
 from plugins import install
 
 PYPROJECT = Path(__file__).parents[1] / "pyproject.toml"

@@ -13,7 +13,7 @@ from PIL import Image
 
 import frida_painter as fp
 from frida_painter.errors import ConfigError, PlanError
-from frida_painter.strokes import COLUMNS
+from frida_painter.strokes.strokes import COLUMNS
 from support.planning import picture
 from support.plans import made_up_plan, made_up_strokes
 

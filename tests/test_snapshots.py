@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import images
+from frida_painter.system import images
 from snapshots import Snapshots
 
 

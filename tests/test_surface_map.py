@@ -15,7 +15,7 @@ from frida_painter.errors import CalibrationError
 from frida_painter.hardware.gateway import MotionLimits, Surface
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from support.easel import CALIBRATION, WORKSPACE
 
 SIZE = CanvasSize(0.3, 0.2)

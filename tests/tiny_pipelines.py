@@ -69,8 +69,8 @@ def write_pipeline(folder: Path, *, bias: float = 0.0, kind: str = "StableDiffus
 
 def fetch_imagine(cache: Path, *, bias: float = 0.0) -> Path:
     """The tiny pipeline where `models fetch imagine` puts the generator, with its record; returns its folder."""
-    from frida_painter import storage
-    from frida_painter.weights import find_weights
+    from frida_painter.objectives.weights import find_weights
+    from frida_painter.system import storage
 
     folder = write_pipeline(cache / "imagine", bias=bias)
     files = [path for path in folder.rglob("*") if path.is_file()]

@@ -11,8 +11,8 @@ from threading import Thread
 
 import torch
 
-from frida_painter.weights import NamedWeights
-from frida_painter.weights.catalogue import PublishedFile
+from frida_painter.objectives.weights import NamedWeights
+from frida_painter.objectives.weights.catalogue import PublishedFile
 
 WORDS = b"a small\nvocabulary\n"
 NETWORK = {"stem.weight": torch.arange(12.0).reshape(3, 4), "stem.steps": torch.tensor(7)}

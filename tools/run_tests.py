@@ -48,7 +48,7 @@ QUICK = ("-m", "not slow", "--hypothesis-profile", "quick")
 LARGE = (
     *("torch", "numba", "scipy.stats", "cv2", "pydantic", "transformers"),
     *("hypothesis.strategies", "hypothesis.extra.numpy"),
-    *("frida_painter.cli.commands", "frida_painter_studio.server", "frida_painter.easel.host", "support.small_world"),
+    *("frida_painter_cli.commands", "frida_painter_studio.server", "frida_painter.easel.host", "support.small_world"),
 )
 MAX_JOBS = 6  # each may take 2 GB of memory
 NO_TESTS = 5  # exit status of pytest

@@ -18,18 +18,19 @@ from annotated_types import Ge, Le, MaxLen
 from pydantic import BeforeValidator
 
 import frida_painter
-from frida_painter import registry, weights
+from frida_painter import registry
 from frida_painter.brush.kinds import BrushModel, FamilyPart
-from frida_painter.cli.commands import all_commands
 from frida_painter.easel.kinds import EaselKind
-from frida_painter.exporter import ExporterKind
 from frida_painter.hardware.kinds import CameraKind, RobotKind
 from frida_painter.mixing.recipe import MixerKind
+from frida_painter.objectives import weights
 from frida_painter.objectives.objective import GoalKind
 from frida_painter.planning.planner import PlannerKind
 from frida_painter.planning.settings import about, help_of, usual_of
+from frida_painter.render.exporter import ExporterKind
 from frida_painter.runs.spec import OF_PAINTINGS, RunSpec
-from frida_painter.storage import megabytes
+from frida_painter.system.storage import megabytes
+from frida_painter_cli.commands import all_commands
 from frida_painter_words.picture_makers.making import PictureMakerKind
 
 ROOT = Path(__file__).parents[1]

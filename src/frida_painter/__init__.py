@@ -20,7 +20,7 @@ def __getattr__(name: str) -> Any:
 
         found: Any = version("frida-painter")
     elif name in _HOMES:
-        from frida_painter.python_process import prepare_forks
+        from frida_painter.system.python_process import prepare_forks
 
         module, inside = _HOMES[name]
         prepare_forks()

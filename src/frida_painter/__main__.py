@@ -1,7 +1,7 @@
 """Entry point of `python -m frida_painter` and of the command `frida-painter`; handles signals before other imports.
 
 Ctrl-C, SIGTERM and a closed terminal end the program with one sentence at any moment. During a painting they
-have other meanings (cli/stop_signal.py).
+have other meanings (frida_painter_cli/stop_signal.py).
 """
 
 import sys
@@ -30,10 +30,10 @@ def main() -> NoReturn:
     for number in signals:
         signal.signal(number, end)
     try:
-        from frida_painter import python_process
+        from frida_painter.system import python_process
 
         python_process.isolate()
-        from frida_painter.cli import commands
+        from frida_painter_cli import commands
 
         commands.main()
     except KeyboardInterrupt:
@@ -45,7 +45,7 @@ def main() -> NoReturn:
         signal.signal(number, signal.SIG_IGN)
     cause = heard[0] if heard else signal.SIGINT
     if cause == signal.SIGHUP:
-        from frida_painter.cli.stop_signal import leave_terminal
+        from frida_painter_cli.stop_signal import leave_terminal
 
         leave_terminal(terminal)
     with suppress(OSError):

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
-from frida_painter import storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens
+from frida_painter.system import storage
 
 VERSION = 2
 PROCEDURES = ("canvas", "robot", "color", "brush", "strokes")

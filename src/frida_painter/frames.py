@@ -16,8 +16,8 @@ from torch import Tensor
 from torch.nn import functional
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.devices import compiles_for
 from frida_painter.errors import CalibrationError
+from frida_painter.system.devices import compiles_for
 
 # Distortion of a camera's lens
 
@@ -208,7 +208,7 @@ class _PixelToMap(torch.autograd.Function):
 
     @staticmethod
     def forward(context: Any, position: Tensor, angle: Tensor, grid: PixelGrid, frame: MapFrame, rows: Rows) -> Tensor:
-        from frida_painter import frame_kernels
+        from frida_painter.strokes import place_kernels as frame_kernels
 
         affine = angle.new_empty(len(angle), 2, 3)
         places = tuple(tensor.detach().contiguous().numpy() for tensor in (position, angle))
@@ -223,7 +223,7 @@ class _PixelToMap(torch.autograd.Function):
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(context: Any, *upstream: Tensor) -> tuple[Tensor | None, ...]:
-        from frida_painter import frame_kernels
+        from frida_painter.strokes import place_kernels as frame_kernels
 
         places = [tensor.detach().contiguous() for tensor in context.saved_tensors]
         found = [torch.empty_like(tensor) for tensor in places]

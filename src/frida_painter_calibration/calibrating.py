@@ -8,7 +8,6 @@ from typing import Any
 
 from platformdirs import user_data_path
 
-from frida_painter import images
 from frida_painter.brush import DEFAULT_MODEL
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.calibration import OF_A_BRUSH, Calibration, LearnedFile
@@ -21,6 +20,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.runs.painting_easel import order
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import require_basis
+from frida_painter.system import images
 from frida_painter.virtual.studio import open_studio
 from frida_painter_calibration.procedures.brush import brush
 from frida_painter_calibration.procedures.canvas import canvas

@@ -16,7 +16,6 @@ from typing import Self
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
@@ -30,7 +29,8 @@ from frida_painter.hardware.preset import Layout, Preset, find_preset, presets
 from frida_painter.hardware.robot import Robot, TouchProbe, Workspace
 from frida_painter.report.sheets import workspace_plan
 from frida_painter.session.events import Began, Remark, ResultFound
-from frida_painter.sheet import INK, LINE, SOFT, Sheet, shorten
+from frida_painter.system import images, storage
+from frida_painter.system.sheet import INK, LINE, SOFT, Sheet, shorten
 from frida_painter_calibration.calibrating import default_record, record_to_renew
 from frida_painter_calibration.procedures.surface import surface_sheet
 from frida_painter_calibration.procedures.workspace import STEPS, Bench, settle_zero, try_lift

@@ -16,11 +16,12 @@ from typing import Any, NamedTuple, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter import picture_file, registry, storage
+from frida_painter import registry
 from frida_painter.errors import CameraError, ConfigError, ImageError, StaleFrame
 from frida_painter.hardware.deadline import in_our_errors, within
 from frida_painter.hardware.kinds import CameraKind, Needed
 from frida_painter.hardware.robot import Frame
+from frida_painter.system import picture_file, storage
 
 Answer = TypeVar("Answer")
 
@@ -228,7 +229,9 @@ class GphotoCamera(DeviceCamera):
         return camera
 
     def _photograph(self) -> Any:
-        from frida_painter import images  # not at module level: listing the kinds must not load the picture libraries
+        from frida_painter.system import (
+            images,  # not at module level: listing the kinds must not load the picture libraries
+        )
 
         place = self._device.capture(self._library.GP_CAPTURE_IMAGE)
         picture = self._device.file_get(place.folder, place.name, self._library.GP_FILE_TYPE_NORMAL)
@@ -346,7 +349,7 @@ class FolderCamera(Shutter):
 
     def _read(self, file: _File, captured_at: float, newer_than: float) -> Frame | None:
         """Returns the photograph in a file; None if the file is incomplete, has changed, or holds an old picture."""
-        from frida_painter import images  # as in GphotoCamera
+        from frida_painter.system import images  # as in GphotoCamera
 
         time.sleep(_STILL)
         if _look_at(file.path) != file:

@@ -5,7 +5,7 @@ command is `frida-painter experiments NAME` (`commands.py`). A run of a painting
 and paints (`paintings.py`).
 """
 
-from frida_painter.cli.commands import Deferred
+from frida_painter_cli.commands import Deferred
 
 SWEEP = Deferred(
     "sweep",

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from frida_painter.options import out_folder, whole_number_within
-from frida_painter.storage import PART, count_of
+from frida_painter.runs.options import out_folder, whole_number_within
+from frida_painter.system.storage import PART, count_of
 
 if TYPE_CHECKING:
     from frida_painter_lab.experiment import Experiment, Notify, Outcome, Progress
@@ -224,8 +224,8 @@ def conduct(experiment: "Experiment", folder: Path, jobs: int | None = None, *, 
 
     Raises the errors of the experiment, and StorageError.
     """
-    from frida_painter.devices import prepare_process
     from frida_painter.session.time_left import duration
+    from frida_painter.system.devices import prepare_process
     from frida_painter_lab.experiment import within
 
     prepare_process()
@@ -248,8 +248,8 @@ def show_progress() -> "Iterator[Notify]":
     """Shows a bar on the terminal within a `with` block, and yields what hears the progress."""
     from rich.console import Console
 
-    from frida_painter.cli.terminal import Line, progress_bar
     from frida_painter.session.time_left import remaining_seconds
+    from frida_painter_cli.terminal import Line, progress_bar
 
     bar = progress_bar(Console(stderr=True, highlight=False))
     task, started, done_before = bar.add_task("getting ready", total=1.0, left=math.inf), time.monotonic(), math.inf

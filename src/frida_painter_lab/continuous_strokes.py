@@ -14,11 +14,11 @@ from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.report.sheets import Cell, FigureRow, page
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 from frida_painter.virtual.studio import open_studio
 from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Results, ResultTable, Row
 from frida_painter_lab.paintings import EXACT, execute

@@ -20,8 +20,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Generic, TypeVar
 
-from frida_painter import python_process
 from frida_painter.errors import FridaError, TryFailed, WorkerUnfit
+from frida_painter.system import python_process
 
 Task = TypeVar("Task")
 Work = Callable[[Any], Any]

@@ -18,8 +18,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.errors import StorageError, TryFailed, WorkerUnfit
+from frida_painter.system import images, storage
 from frida_painter_lab.engine import Engine, TaskLimits, slots_here
 from frida_painter_lab.runs import Labels, Run, RunFolder, Value
 

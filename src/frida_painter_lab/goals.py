@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from frida_painter import images, weights
+from frida_painter.objectives import weights
 from frida_painter.objectives.encoders.convolutional import EfficientNetLite
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import LAYERS as SEEN
@@ -23,6 +23,7 @@ from frida_painter.planning.initialize import uniform
 from frida_painter.render import render
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system import images
 from frida_painter_lab.experiment import Notify, Results, ResultTable, Row
 from frida_painter_lab.measures import (
     direction_agreement,

@@ -9,14 +9,14 @@ from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.convolutional import Vgg16
 from frida_painter.objectives.semantic import Views
 from frida_painter.objectives.style_flow import directions
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 
 # The windows of SSIM (Wang et al. 2004): Gaussian, of 11 pixels; the border of a picture has none.
 _SIGMA, _RADIUS = 1.5, 5  # pixels

@@ -16,7 +16,6 @@ from typing import Any, ClassVar, Self, cast
 import numpy as np
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.easel.kinds import OpenEasel
 from frida_painter.easel.order import EaselOrder
@@ -24,8 +23,6 @@ from frida_painter.easel.virtual_easel import assemble_easel
 from frida_painter.hardware.easel import Easel, Operator
 from frida_painter.hardware.faults import PlacementError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
@@ -33,6 +30,9 @@ from frida_painter.session.events import Event, Looked, Planned, StrokePainted, 
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.opening import planning_device
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images, storage
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter.virtual.tabletop import HandNoise, Table

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from frida_painter.errors import ConfigError
-from frida_painter.plan import Plan
 from frida_painter.runs.painting_folder import (
     NO_RECORD,
     RECORD,
@@ -16,6 +15,7 @@ from frida_painter.runs.painting_folder import (
 )
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec, upgrade_record
+from frida_painter.strokes.plan import Plan
 
 
 class RepeatableRun(RunRecord):

@@ -11,10 +11,10 @@ from typing import Any
 
 from filelock import FileLock, Timeout
 
-from frida_painter import storage
 from frida_painter.errors import FridaError, StorageError, TryFailed
-from frida_painter.provenance import identify_here
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system import storage
+from frida_painter.system.provenance import identify_here
 
 LOCK = ".lock"
 _PATIENCE = 600.0  # seconds, for a run that a dead driver left behind

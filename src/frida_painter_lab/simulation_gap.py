@@ -22,11 +22,11 @@ from typing import Any, ClassVar
 import numpy as np
 from torch import Tensor
 
-from frida_painter import images
-from frida_painter.plan import Plan
 from frida_painter.report.chart import Series, chart
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 from frida_painter_lab.experiment import Results, ResultTable, Row
 from frida_painter_lab.measures import mse, psnr
 from frida_painter_lab.paintings import (

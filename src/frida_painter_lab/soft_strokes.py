@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.planning.initialize import round_sizes
 from frida_painter.render import composite
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 
 _PIECES = 10
 _CELLS = 40

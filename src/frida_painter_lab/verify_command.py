@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from frida_painter.cli.commands import Deferred
+from frida_painter_cli.commands import Deferred
 
 VERIFY = Deferred(
     "verify",

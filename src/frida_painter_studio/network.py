@@ -18,8 +18,8 @@ from typing import Any, Self
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from frida_painter import locks
 from frida_painter.errors import ConfigError, StorageError
+from frida_painter.system import locks
 from frida_painter_studio.security import Session, refuse
 from frida_painter_together.commands import Role
 

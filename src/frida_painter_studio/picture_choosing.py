@@ -12,9 +12,10 @@ from urllib.parse import urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from frida_painter import registry, storage
+from frida_painter import registry
 from frida_painter.errors import ConfigError
 from frida_painter.session.events import MadePictures
+from frida_painter.system import storage
 from frida_painter_studio.reader import check_makers
 from frida_painter_studio.studio_folder import MAKING_SUFFIX, CanvasSides
 from frida_painter_together.commands import MakerLabel, PlainWords

@@ -5,7 +5,7 @@ from io import BytesIO
 from pathlib import Path
 
 from frida_painter.errors import ConfigError, FridaError, ImageError
-from frida_painter.python_process import ProcessLimits, in_own_process
+from frida_painter.system.python_process import ProcessLimits, in_own_process
 
 _PATIENCE = ProcessLimits(seconds=120.0)
 _MAX_PIXELS = 50_000_000
@@ -18,7 +18,7 @@ def decode_upload(content: bytes) -> bytes:
     """Returns the content of a picture file as PNG, with at most 2048 pixels a side. Raises ImageError."""
     from PIL import Image
 
-    from frida_painter import picture_file
+    from frida_painter.system import picture_file
 
     with tempfile.NamedTemporaryFile(prefix="upload-") as file:
         file.write(content)

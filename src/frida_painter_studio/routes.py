@@ -20,9 +20,9 @@ from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.types import Message, Receive, Scope, Send
 
-from frida_painter import storage
 from frida_painter.easel.kinds import INBOX, LIVE
 from frida_painter.errors import StorageError
+from frida_painter.system import storage
 from frida_painter_studio.jobs import JOBS, Imagining, JobState
 from frida_painter_studio.picture_choosing import ChosenPicture, MakingRequest
 from frida_painter_studio.security import Led, Session, refuse

@@ -21,8 +21,8 @@ from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp
 
-from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped, StorageError
+from frida_painter.system import storage
 from frida_painter_studio.network import Certificate, Connections, Limits, WaitingProtocol, most_connections, share_lock
 from frida_painter_studio.picture_choosing import AllowedMakers
 from frida_painter_studio.routes import all_routes

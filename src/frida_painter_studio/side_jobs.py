@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from frida_painter import images, storage
 from frida_painter.brush import FIELD
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.canvas_size import CanvasSize
@@ -17,6 +16,7 @@ from frida_painter.easel.virtual_easel import open_virtual_easel
 from frida_painter.errors import Interrupted
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import CommandDone, ResultFound
+from frida_painter.system import images, storage
 from frida_painter_calibration.procedures.strokes import StrokesProgress, strokes
 from frida_painter_calibration.teaching.evaluation import learn
 from frida_painter_calibration.teaching.families import write_family

@@ -21,8 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
-from frida_painter import storage
 from frida_painter.errors import StorageError
+from frida_painter.system import storage
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PLAN_JOB, find_job, find_work
 from frida_painter_studio.workers import QUEUE

@@ -27,8 +27,8 @@ from starlette.responses import JSONResponse
 from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
-from frida_painter import locks, python_process, storage
 from frida_painter.errors import ConfigError, StorageError
+from frida_painter.system import locks, python_process, storage
 from frida_painter_studio.network import (
     STUDIO_LOCK,
     Certificate,

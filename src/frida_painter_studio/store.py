@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from frida_painter import storage
 from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import ImageError, Interrupted, ProcessLost, StorageError
+from frida_painter.system import storage
 from frida_painter_studio.reader import decode_upload
 from frida_painter_studio.studio_folder import (
     FAMILIES,

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter import registry, storage
+from frida_painter import registry
 from frida_painter.errors import ConfigError
-from frida_painter.options import (
+from frida_painter.runs.options import (
     CameraOption,
     PaceOption,
     RobotOption,
@@ -18,6 +18,7 @@ from frida_painter.options import (
     number_within,
     whole_number_within,
 )
+from frida_painter.system import storage
 
 if TYPE_CHECKING:
     from frida_painter_studio.server import Links

@@ -24,14 +24,15 @@ from pydantic import (
     model_validator,
 )
 
-from frida_painter import locks, registry, storage
+from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import JOURNAL, LIVE, LIVE_PICTURE, REGIONS, STOP_FILE
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter.event_log import FEED, EventLog, LogReader
 from frida_painter.planning.fields import brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec, without_former
 from frida_painter.session.events import Advanced, Event, events_of, record, time_of
+from frida_painter.system import locks, storage
+from frida_painter.system.event_log import FEED, EventLog, LogReader
 from frida_painter_studio.form import CONTROLS, SETTINGS
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_together.commands import GoalRequest, goal_items, pictures_of

@@ -8,11 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from frida_painter import event_log, images, storage
 from frida_painter.brush.kinds import StrokeModel, brush_kind
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, SetupQuestion
 from frida_painter.easel.kinds import SIMULATION_LOG, STOP_FILE
@@ -23,14 +21,13 @@ from frida_painter.errors import (
     PaintingPaused,
     RobotStopped,
 )
-from frida_painter.export.vector import plan_widths, svg
-from frida_painter.exporter import ExportOptions, export_plan
 from frida_painter.hardware.easel import Easel
 from frida_painter.mixing.recipe import volumes
-from frida_painter.plan import Plan
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
+from frida_painter.render.exporter import ExportOptions, export_plan
 from frida_painter.report.painters import PERSON, find_painters
+from frida_painter.report.vector import plan_widths, svg
 from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.settle import ground_of, paints_for_recipes
@@ -38,6 +35,9 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events
 from frida_painter.session.opening import adopt_camera, statuses
 from frida_painter.session.time_left import PlanTime, share_of_plan
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import event_log, images, storage
+from frida_painter.system.devices import prepare_process
 from frida_painter_calibration.calibrating import (
     CalibrationSetup,
     calibrate_one,

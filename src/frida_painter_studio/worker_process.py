@@ -13,8 +13,8 @@ from typing import BinaryIO
 
 from frida_painter import registry
 from frida_painter.errors import FridaError, RobotStopped
-from frida_painter.python_process import in_own_process
 from frida_painter.session.events import Stopped
+from frida_painter.system.python_process import in_own_process
 from frida_painter_studio.stop import StopPressed, StopWatch
 from frida_painter_studio.studio_folder import PLAN_JOB, Feed, PaintingFolder
 from frida_painter_studio.web_app_easel import WebAppEasel

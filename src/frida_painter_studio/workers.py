@@ -12,9 +12,9 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from frida_painter import python_process, storage
 from frida_painter.errors import FridaError, Interrupted, ProcessLost, StorageError
 from frida_painter.session.events import Began, Stopped
+from frida_painter.system import python_process, storage
 from frida_painter_studio.store import Entry, PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder, PlanFolder, QueuedJob, WorkerLock, tell_once, working
 from frida_painter_studio.web_app_easel import WebAppEasel

@@ -11,7 +11,6 @@ from typing import Any
 
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.easel.dialogue import (
     JOG_STEPS,
     Answer,
@@ -27,6 +26,7 @@ from frida_painter.easel.dialogue import (
 from frida_painter.errors import Interrupted
 from frida_painter.session import events
 from frida_painter.session.events import Notify
+from frida_painter.system import images
 from frida_painter_together.inbox import FOLLOWED, Inbox, accept_reply, make_live_path
 
 _BETWEEN_GLANCES = 0.04

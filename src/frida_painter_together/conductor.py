@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING, Any, Self
 
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.calibration import Corners
 from frida_painter.easel.dialogue import Answer, Confirm, PointCorners, SetupQuestion
 from frida_painter.easel.kinds import GIVEN, LIVE
 from frida_painter.errors import CalibrationError, FridaError, StorageError
-from frida_painter.palette import to_hex
 from frida_painter.perception.snapshot import find_corners
-from frida_painter.plan import Plan
 from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Notify, PauseCause
 from frida_painter.session.loop import PaintingSession
+from frida_painter.strokes.palette import to_hex
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 from frida_painter_together import commands
 from frida_painter_together.asking import Asker
 from frida_painter_together.commands import Command, command_of, goal_items, to_plain

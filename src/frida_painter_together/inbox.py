@@ -12,11 +12,11 @@ from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from frida_painter import storage
 from frida_painter.easel.dialogue import Answer, EnterAddress, GuideMove, JogMove
 from frida_painter.easel.kinds import INBOX, LIVE
 from frida_painter.errors import ConfigError, Interrupted, StorageError
-from frida_painter.event_log import FEED, EventLog, LogReader
+from frida_painter.system import storage
+from frida_painter.system.event_log import FEED, EventLog, LogReader
 from frida_painter_together.commands import Command
 
 FOLLOWED = "followed"

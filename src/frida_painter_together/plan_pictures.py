@@ -12,20 +12,20 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import StorageError
-from frida_painter.export.vector import plan_widths
 from frida_painter.frames import PixelGrid
-from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.render.painting import render_on
 from frida_painter.report.sheets import palette_sheet, sheet_file
 from frida_painter.report.story import paints
+from frida_painter.report.vector import plan_widths
 from frida_painter.session import events
 from frida_painter.session.events import Event
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images, storage
 
 _ROWS = 720
 _PREVIEW_ROWS = 400

@@ -18,13 +18,13 @@ from torch import Tensor
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import PersonStroke
-from frida_painter.palette import to_lab
 from frida_painter.perception.frame_check import MARK, find_painted
-from frida_painter.plan import Plan
 from frida_painter.registry import TURN_POLICIES, parts
 from frida_painter.session.plan_keeper import touches
-from frida_painter.stroke_family import Taught
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.family import Taught
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 
 Keep = Literal["welcome", "protect"]
 """Fate of a person's paint: the beginning of the painting, or a part that no stroke may touch."""

@@ -21,8 +21,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, storage
-from frida_painter.cli.options import read_line
 from frida_painter.easel.kinds import REGIONS
 from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.frames import PixelGrid
@@ -34,6 +32,8 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import CommandDone, CommandTaken, DrawnRegion, MadePictures, NewGoal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
+from frida_painter.system import images, storage
+from frida_painter_cli.options import read_line
 from frida_painter_words.picture_makers.making import (
     USUAL_MINUTES,
     USUAL_PICTURES,

@@ -19,9 +19,7 @@ from torch import Tensor
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CameraError, ConfigError, PaintingPaused
 from frida_painter.hardware.easel import PersonCanvas, PersonStroke
-from frida_painter.palette import Palette, from_hex
 from frida_painter.perception.frame_check import MARK, find_painted
-from frida_painter.plan import Plan
 from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import PEN_LIMITS, StrokeOfPerson, TimelapseFrame
@@ -30,7 +28,9 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS, CanvasObserver
 from frida_painter.session.open_loop import OpenLoopMonitor
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette, from_hex
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
 from frida_painter_together.policies import take_turn
 
 if TYPE_CHECKING:

@@ -9,10 +9,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.style_marks import style_colors, to_lab_picture, tone
-from frida_painter.palette import from_lab, to_lab
+from frida_painter.strokes.palette import from_lab, to_lab
+from frida_painter.system import images
 from frida_painter_words.reading import COLORS, SHADES
 
 _TALL, _WIDE, _SLIM = 0.76, 0.84, 0.88  # of the canvas: greatest height and width, and height of a slim subject

@@ -16,11 +16,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images, picture_file, registry, storage, weights
+from frida_painter import registry
 from frida_painter.errors import ConfigError, ImageError, ProcessLost, WeightsError
+from frida_painter.objectives import weights
 from frida_painter.objectives.encoders.base import PictureLibrary
-from frida_painter.weights.archive import CAPTIONS
-from frida_painter.weights.catalogue import PICTURES as FILE
+from frida_painter.objectives.weights.archive import CAPTIONS
+from frida_painter.objectives.weights.catalogue import PICTURES as FILE
+from frida_painter.system import images, picture_file, storage
 from frida_painter_words import svg_process
 
 _SUFFIXES = (*picture_file.SUFFIXES, ".svg")

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import torch
 
-from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.system import images
 from frida_painter_words.composition import ComposedScene, compose_scene, paint_of, recolor, simplify
 from frida_painter_words.reading import COLORS, FUNCTION_WORDS, NUMBERS, Phrase, Reading, contents, read, singular, stem
 from frida_painter_words.retrieval import FoundPicture, PictureIndex, picture_index

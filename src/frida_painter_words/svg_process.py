@@ -4,7 +4,7 @@ import resource
 from xml.etree import ElementTree
 
 from frida_painter.errors import ImageError
-from frida_painter.python_process import ProcessLimits, in_own_process
+from frida_painter.system.python_process import ProcessLimits, in_own_process
 
 SIDE = 512  # pixels of the longer side of a page and its margin
 _PAGE = 0.625  # share of a side that the page takes, because many drawings exceed their page

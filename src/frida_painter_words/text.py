@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -24,6 +23,7 @@ from frida_painter.objectives.style_flow import change_by_place, styles_of
 from frida_painter.objectives.style_marks import in_style
 from frida_painter.objectives.text_loss import Sight, Text, color_in, holding_weight, wish
 from frida_painter.objectives.word_settings import USUAL, WordSettings, refuse_absent
+from frida_painter.system import images
 from frida_painter_words.composition import lay_in
 from frida_painter_words.reading import LONGEST, contents, split_absent
 from frida_painter_words.scene import find_cutout, scene_of

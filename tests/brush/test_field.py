@@ -5,10 +5,10 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter import tensor_file
 from frida_painter.brush.field import PathView, StrokeField
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import WeightsError
+from frida_painter.system import tensor_file
 from marks import SMALL, shapes, small_frame
 
 

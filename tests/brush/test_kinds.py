@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from frida_painter.brush.kinds import BROAD, KINDS, MEDIUM, Dip, brush_kind, stroke_path
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import ConfigError, PlanError, WeightsError
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from frida_painter_calibration.teaching.bezier import BezierStroke
 from marks import shapes
 

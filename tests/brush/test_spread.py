@@ -7,13 +7,13 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter import tensor_file
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.kinds import CERTAIN, CoverageSpread, median_of, spread_of
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import WeightsError
+from frida_painter.system import tensor_file
 from frida_painter_calibration.teaching.evaluation import likelihood
 from frida_painter_calibration.teaching.param2stroke import Param2Stroke
 from frida_painter_calibration.teaching.training import train_field

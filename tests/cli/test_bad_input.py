@@ -14,12 +14,12 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter import python_process
 from frida_painter.__main__ import main as command
-from frida_painter.cli import commands
-from frida_painter.cli.stop_signal import stop_on_signals
 from frida_painter.errors import ConfigError, RobotStopped
 from frida_painter.hardware.workcell import example
+from frida_painter.system import python_process
+from frida_painter_cli import commands
+from frida_painter_cli.stop_signal import stop_on_signals
 from support.commandline import run_command
 from support.plans import made_up_plan
 
@@ -168,7 +168,7 @@ def plan(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("command", ["render", "export"])
 def test_plans_that_are_damaged_or_not_there(command: str, refuse: Callable[..., str], plan: Path) -> None:
-    """tests/test_plan.py has each way to be damaged."""
+    """tests/strokes/test_plan.py has each way to be damaged."""
     whole = plan.read_bytes()
     for content, says in ((whole[:-100], "cut off or not JSON"), (whole.replace(b'"strokes": 12', b'"strokes": 13'),
                           "was changed after it was written"), (b"{}", "it has no checksum")):  # fmt: skip

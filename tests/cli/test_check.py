@@ -3,9 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import images
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig, example
+from frida_painter.system import images
 from frida_painter_calibration.commands.controller import examine
 from machines import grbl, marlin
 from machines.bench import tell_zero

@@ -13,8 +13,8 @@ import typer
 from typer.main import get_group
 
 import frida_painter
-from frida_painter.cli import commands
-from frida_painter.cli.commands import Deferred, all_commands
+from frida_painter_cli import commands
+from frida_painter_cli.commands import Deferred, all_commands
 from frida_painter_lab.goals import PROMPTS
 from test_house import ROOT, SOURCES
 
@@ -23,7 +23,7 @@ IDS = [" ".join((*group, entry.name)).strip() for group, entry in ENTRIES]
 HEAVY = ["torch", "numba", "transformers", "cv2", "fastapi", "numpy", "scipy", "PIL"]
 HELP = """
 import json, os, sys
-from frida_painter.cli import commands  # as every page does
+from frida_painter_cli import commands  # as every page does
 
 def run(words):
     # In a copy of this interpreter, which has loaded nothing else: the names of the modules that are there at the end.

@@ -8,8 +8,6 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter import images
-from frida_painter.cli.options import read_goal_options
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm
@@ -18,6 +16,8 @@ from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system import images
+from frida_painter_cli.options import read_goal_options
 from frida_painter_words.text import TextTerm
 from support.commandline import run_command
 from support.networks import QuickEncoders

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import images
-from frida_painter.cli import imagining
-from frida_painter.cli.imagining import choose_picture
 from frida_painter.errors import Interrupted
 from frida_painter.planning.fields import limits_of
+from frida_painter.system import images
+from frida_painter_cli import imagining
+from frida_painter_cli.imagining import choose_picture
 from frida_painter_words.picture_makers import making as picture_making
 from frida_painter_words.picture_makers.making import MadePicture, Making
 from support.commandline import Command

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from frida_painter.event_log import EventLog
+from frida_painter.system.event_log import EventLog
 from killing import ForkedCommand, kill_when
 from session.easel_errands import until
 from support import data
@@ -73,7 +73,7 @@ def test_killed_between_two_brushes_it_is_completed_with_the_right_one(
         os.chdir(tmp_path)
         os.environ["XDG_STATE_HOME"] = str(tmp_path / "state")
         sys.argv = ["frida-painter", "paint", "cup.png", *SMALL, "--out", str(folder)]
-        from frida_painter.cli import commands
+        from frida_painter_cli import commands
 
         commands.main()
 

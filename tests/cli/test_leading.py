@@ -4,12 +4,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter.cli.leading import follow, tell
 from frida_painter.errors import RobotError, StorageError
 from frida_painter.runs.run import RunOutcome
 from frida_painter.session.events import Finished, Paused, ResultFound, Scheduled, Stopped, StrokePainted
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import Painting
+from frida_painter_cli.leading import follow, tell
 from support.plans import made_up_plan
 
 

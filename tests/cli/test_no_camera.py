@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from frida_painter.event_log import EventLog
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import example
 from frida_painter.session.fold import PaintingState
+from frida_painter.system.event_log import EventLog
 from machines.bench import tell_zero
 from machines.grbl import GRBL, QUICK, GrblController
 from machines.simulated_time import Living

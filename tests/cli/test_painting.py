@@ -15,7 +15,7 @@ from PIL import Image
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.workcell import example
-from frida_painter.plan import Plan
+from frida_painter.strokes.plan import Plan
 from killing import ForkedCommand
 from support import data
 from support.commandline import Command

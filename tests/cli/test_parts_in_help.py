@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from frida_painter import registry
-from frida_painter.cli.options import planning_options
+from frida_painter_cli.options import planning_options
 from plugins import install
 
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from frida_painter.cli.terminal import PaintingLine, PlanningLine, _words
 from frida_painter.planning.optimize import Step
 from frida_painter.session.choreography import Timetable
 from frida_painter.session.events import (
@@ -35,6 +34,7 @@ from frida_painter.session.events import (
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.replan_policy import EvenlySpaced, looks_on_the_way
 from frida_painter.session.time_left import Pace, PlanTime, RemainingTime, duration, remaining_seconds, share_of_plan
+from frida_painter_cli.terminal import PaintingLine, PlanningLine, _words
 
 STROKES, REPLANS, PLANNING, REPLANNING = 60, 3, 40, 10
 PER_ITERATION, PER_STROKE, PER_LOOK = 0.0004, 0.12, 0.3  # seconds: of each stroke planned, painted, of each look

@@ -16,10 +16,10 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder
-from frida_painter.event_log import EventLog
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.session.fold import PaintingState
+from frida_painter.system.event_log import EventLog
 from frida_painter_drivers.gcode import GcodeRobot
 from killing import kill_when
 from machines.grbl import GRBLHAL, QUICK, GrblController
@@ -218,7 +218,7 @@ def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
         status, said = run("resume", "it", "--yes")
         assert status == 2 and "which brush is in its hand" in " ".join(said.split()), said
         assert len(grbl.moved) == moved, "nothing moved"
-        monkeypatch.setattr("frida_painter.cli.leading.confirm", lambda *_, **__: True)  # the arm may lift
+        monkeypatch.setattr("frida_painter_cli.leading.confirm", lambda *_, **__: True)  # the arm may lift
         in_hand, wells = "y", "y"
         status, said = run("resume", "it", typing=[in_hand, wells])
         assert status == 0, said

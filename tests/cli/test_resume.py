@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from frida_painter import storage
-from frida_painter.cli import commands
-from frida_painter.event_log import EventLog
-from frida_painter.plan import Plan
 from frida_painter.session.fold import PaintingState
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import storage
+from frida_painter.system.event_log import EventLog
+from frida_painter_cli import commands
 from killing import began, kill_when
 from support import data
 from support.commandline import Command

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from frida_painter import images
+from frida_painter.system import images
 from support import data
 from support.commandline import run_command
 

@@ -4,9 +4,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter.cli.terminal import Terminal
 from frida_painter.easel.dialogue import Confirm, Jog, JogMove, Measure, PointCorners, lead
 from frida_painter.errors import Interrupted
+from frida_painter_cli.terminal import Terminal
 
 PICTURE = torch.full((3, 20, 30), 0.5)
 CORNERS = ((1.0, 2.0), (28.0, 2.5), (27.0, 18.0), (0.0, 17.0))

@@ -5,11 +5,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import images
-from frida_painter.cli.options import Wells
 from frida_painter.errors import ConfigError, FrameRejected, Interrupted
-from frida_painter.palette import Palette, from_hex
 from frida_painter.perception.color import read_palette
+from frida_painter.strokes.palette import Palette, from_hex
+from frida_painter.system import images
+from frida_painter_cli.options import Wells
 from support.plans import made_up_plan
 
 WANTED = Palette(torch.tensor([[0.9, 0.9, 0.8], [0.3, 0.2, 0.2]]))

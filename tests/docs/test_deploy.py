@@ -10,7 +10,7 @@ import pytest
 import typer
 from typer.main import get_group
 
-from frida_painter.cli.commands import nothing_first
+from frida_painter_cli.commands import nothing_first
 from frida_painter_studio import studio_command
 
 DEPLOY = Path(__file__).parents[2] / "deploy"

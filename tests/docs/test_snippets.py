@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 import frida_painter as fp
-from frida_painter.cli.commands import all_commands
+from frida_painter_cli.commands import all_commands
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -116,7 +116,7 @@ def test_python_names_what_is_there(page: Path) -> None:
 
 def test_a_lost_name_is_found() -> None:
     assert lost_names("import frida_painter as fp\nfp.Plannr") == ["fp.Plannr"]
-    assert lost_names("from frida_painter.plan import Plan, Plam") == ["frida_painter.plan.Plam"]
+    assert lost_names("from frida_painter.strokes.plan import Plan, Plam") == ["frida_painter.strokes.plan.Plam"]
     assert lost_names("from frida_painter_lab import experiment") == []
 
 

@@ -22,7 +22,7 @@ from typing import Self
 
 import pytest
 
-from frida_painter import weights
+from frida_painter.objectives import weights
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from killing import ForkedCommand, ForkedProcess
 from support.networks import QuickEncoders

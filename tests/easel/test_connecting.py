@@ -20,7 +20,7 @@ from frida_painter.hardware.gateway import MotionLimits, RobotGateway
 from frida_painter.hardware.latch import Unlatched
 from frida_painter.hardware.robot import MotionReport, Waypoints, Zero
 from frida_painter.hardware.timing import AxisTiming, TravelLimits
-from frida_painter.messages import Wire
+from frida_painter.system.messages import Wire
 from support.easel import CALIBRATION, CANVAS, WORKSPACE, NotingRobot, PatientCamera
 
 RESET = "its board was reset as the line was opened"

@@ -17,7 +17,7 @@ from frida_painter.hardware.easel import PersonStroke
 from frida_painter.hardware.gateway import Surface
 from frida_painter.hardware.robot import BrushRack, Frame, MotionReport, Waypoints, Zero
 from frida_painter.hardware.timing import AxisTiming, ServoTiming, TravelLimits
-from frida_painter.palette import Palette
+from frida_painter.strokes.palette import Palette
 from support.easel import CANVAS, WORKSPACE
 
 POINT, WAY = np.array([0.1, 0.2, 0.3]), np.arange(6.0).reshape(2, 3)

@@ -33,7 +33,7 @@ from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.latch import Latch, Unlatched
 from frida_painter.hardware.robot import BrushRack, Frame, MotionReport, Robot, Waypoints
 from frida_painter.hardware.timing import AxisTiming
-from frida_painter.messages import decode_error, encode_error
+from frida_painter.system.messages import decode_error, encode_error
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from hardware.misbehaving import Action, Hang, MisbehavingCamera, MisbehavingRobot, fine, unknown, vendor_error
 from support.easel import WORKSPACE

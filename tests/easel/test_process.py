@@ -27,9 +27,9 @@ from frida_painter.errors import (
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.messages import decode_error
 from frida_painter.registry import EASELS
 from frida_painter.session.hand import Hand
+from frida_painter.system.messages import decode_error
 from plugins import install
 from session.easel_errands import PAINTS, easel_of, kill, moves, order_in, paint
 from support.plans import plan_of_paints

@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PlanError, StepRefused
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
 from frida_painter_lab.env.actions import NUMBERS, StrokeCode, require_action
 
 PALETTE = Palette(torch.tensor([[0.9, 0.9, 0.9], [0.5, 0.1, 0.1], [0.1, 0.1, 0.3]]))

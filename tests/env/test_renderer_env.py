@@ -240,7 +240,7 @@ FORKED = """
 import multiprocessing, sys
 import gymnasium
 import frida_painter as fp
-from frida_painter import images
+from frida_painter.system import images
 from gymnasium.vector import AsyncVectorEnv
 
 first, second = sys.argv[1:]

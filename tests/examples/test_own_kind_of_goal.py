@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from frida_painter import registry
-from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import goal_kinds
 from frida_painter.planning.effort import Effort
@@ -20,6 +19,7 @@ from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goal_item import GoalItem, read_goal_file
 from frida_painter.runs.goals import open_goal, picture_of
 from frida_painter.runs.spec import RunSpec
+from frida_painter_cli import commands
 from support.planning import CANVAS, plain, small_table
 
 ROOT = Path(__file__).parents[2]

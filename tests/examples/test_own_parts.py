@@ -13,22 +13,22 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter import images
 from frida_painter.brush.kinds import StrokeFunction, brush_kind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.cli import commands
 from frida_painter.easel.kinds import robot_forms
 from frida_painter.easel.open import make_camera, make_robot
 from frida_painter.easel.order import EaselOrder
 from frida_painter.errors import CameraError, ConfigError
 from frida_painter.hardware.workcell import WorkcellConfig, example
 from frida_painter.objectives.objective import goal_kinds
-from frida_painter.plan import Plan
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.replan_policy import looks_on_the_way, parse_replan_policy
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
+from frida_painter_cli import commands
 from frida_painter_words.picture_makers.making import PictureRequest, open_picture_maker
 from plugins import OWN_PARTS, install_own_parts
 from session.easel_errands import easel_of, stroke

@@ -10,10 +10,10 @@ from frida_painter.brush.kinds import FINE
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.session.choreography import BrushLoad, Choreography, reckon
 from frida_painter.session.rehearsal import FlatbedWorkspace
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
 from machines import grbl, marlin
 from machines.bench import SerialBench, grbl_bench, marlin_bench
 from machines.simulated_time import SimulatedTime

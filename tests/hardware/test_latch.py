@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.hardware.latch import SHARED, Latch, latch_of, latch_path, latches, shared_folder, why_private
+from frida_painter.system import storage
 
 
 def test_it_holds_until_it_is_released_and_keeps_the_first_reason(tmp_path: Path) -> None:

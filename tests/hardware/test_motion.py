@@ -13,7 +13,7 @@ from frida_painter.errors import WorkspaceViolation
 from frida_painter.hardware.gateway import MotionLimits
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import ArmLength, Waypoints
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from support.easel import CALIBRATION, WORKSPACE
 
 MOTION = Motion(WORKSPACE, CALIBRATION)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from frida_painter.cli import commands
+from frida_painter_cli import commands
 from frida_painter_lab.commands import ROWS, UNFINISHED, ExperimentRow
 from frida_painter_lab.runs import Run
 from frida_painter_lab.targets import Target

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.strokes import StrokeLimits
 from frida_painter_lab.continuous_strokes import PARAMETERS, ContinuousStrokes, sweep
 
 LIMITS = StrokeLimits((0.01, 0.05), (-0.02, 0.02))

@@ -9,9 +9,9 @@ from torch import Tensor
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.open import open_easel
 from frida_painter.easel.order import EaselOrder, SimulationOrder
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 from frida_painter_lab.paintings import (
     CAMERA,
     IMPERFECTIONS,

@@ -12,8 +12,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
+from frida_painter.system import images
 from frida_painter_lab import goals
 from frida_painter_lab.experiment import Outcome
 from frida_painter_lab.goals import (

@@ -6,7 +6,7 @@ from frida_painter.brush.kinds import FINE
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.render import render as brush_render
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from frida_painter_calibration.teaching.bezier import BezierStroke
 from frida_painter_lab.soft_strokes import (
     Freedom,

@@ -16,7 +16,6 @@ from readchar import key
 
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.cli.terminal import GuidingKeys, Terminal
 from frida_painter.easel.dialogue import Answer, Choose, Confirm, Guide, Jog, SetupQuestion
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.easel.open import open_easel
@@ -28,6 +27,7 @@ from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter_calibration import machine_setup
 from frida_painter_calibration.machine_setup import SetupEvent, SetupOrder, lead_setup
+from frida_painter_cli.terminal import GuidingKeys, Terminal
 from machines.simulated_time import SimulatedTime
 
 READING, PREPARING, PRESSING = 8.0, 30.0, 0.7  # seconds: of a question, of something at the machine, of a key

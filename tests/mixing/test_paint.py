@@ -23,7 +23,7 @@ from frida_painter.mixing.paint import (
     reflectance,
     reflectance_of,
 )
-from frida_painter.palette import ciede2000, from_hex, to_hex, to_lab
+from frida_painter.strokes.palette import ciede2000, from_hex, to_hex, to_lab
 
 PAINTS = {name: find_acrylic(name) for name in published_names()}
 

@@ -21,7 +21,7 @@ from frida_painter.mixing.recipe import (
     Recipe,
     volumes,
 )
-from frida_painter.palette import difference, from_hex
+from frida_painter.strokes.palette import difference, from_hex
 from support.plans import made_up_plan
 
 SIX = usual_paints()

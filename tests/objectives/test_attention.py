@@ -5,7 +5,6 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter import images
 from frida_painter.objectives import attention
 from frida_painter.objectives.attention import (
     EVERYWHERE,
@@ -21,6 +20,7 @@ from frida_painter.objectives.image import ImageTerm, spread
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.style import StyleTerm
+from frida_painter.system import images
 from frida_painter_lab import targets
 from support.networks import NoEncoderRegistry, QuickEncoders, QuickHed
 from support.planning import picture

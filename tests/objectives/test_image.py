@@ -3,11 +3,11 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter import images
 from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.image import ImageTerm, Replication, fit_and_sharpen
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
+from frida_painter.system import images
 from support.networks import QuickEncoders
 from support.planning import CANVAS, picture
 

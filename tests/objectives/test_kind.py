@@ -12,11 +12,11 @@ import pytest
 from pydantic import ValidationError
 
 from frida_painter import registry
-from frida_painter.cli.options import goal_options, tell_left_out
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Gives, GoalKind, KnownKinds, goal_kinds
 from frida_painter.registry import OBJECTIVES
 from frida_painter.runs.goal_item import GoalItem
+from frida_painter_cli.options import goal_options, tell_left_out
 from frida_painter_studio.studio_folder import GoalRequest
 from frida_painter_studio.web_studio import abilities
 from frida_painter_words.text import TextTerm

@@ -7,7 +7,7 @@ from frida_painter.objectives.attention import Face, importance_of
 from frida_painter.objectives.encoders.convolutional import EfficientNetLite, Vgg16
 from frida_painter.objectives.objective import ObjectiveContext
 from frida_painter.objectives.semantic import Semantic, SemanticTerm, Views, spread_colors
-from frida_painter.palette import to_lab
+from frida_painter.strokes.palette import to_lab
 from support.networks import QuickEncoders, QuickVgg, random_lite_tensors
 from support.planning import picture
 

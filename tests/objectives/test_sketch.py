@@ -1,12 +1,12 @@
 import pytest
 import torch
 
-from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import Sketch, SketchTerm, draw_on_picture, overlaid
+from frida_painter.system import images
 from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders, QuickHed
 from support.planning import CANVAS, picture

@@ -10,7 +10,7 @@ from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm, in_style_colors
 from frida_painter.objectives.style_flow import brushwork_of
 from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style_marks
-from frida_painter.palette import from_lab, to_lab
+from frida_painter.strokes.palette import from_lab, to_lab
 from frida_painter_words.text import TextTerm
 from support.planning import CANVAS
 

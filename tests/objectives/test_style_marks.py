@@ -12,7 +12,7 @@ from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style, in_style_marks, lay_marks, transport
-from frida_painter.palette import to_lab
+from frida_painter.strokes.palette import to_lab
 
 
 def stripes(rows: int = 96, columns: int = 128) -> torch.Tensor:

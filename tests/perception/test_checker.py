@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter.images import to_srgb
-from frida_painter.palette import difference
 from frida_painter.perception.color import EDITIONS, PATCHES, find_checker, read_checker, true_colors
+from frida_painter.strokes.palette import difference
+from frida_painter.system.images import to_srgb
 
 # sRGB bytes that the maker published for the first and the last row.
 PUBLISHED = {0: (115, 82, 68), 1: (194, 150, 130), 5: (103, 189, 170), 18: (243, 243, 242), 21: (122, 122, 121)}

@@ -1,9 +1,9 @@
 import pytest
 import torch
 
-from frida_painter.images import to_linear, to_srgb
-from frida_painter.palette import difference
 from frida_painter.perception.color import fit_color, true_color
+from frida_painter.strokes.palette import difference
+from frida_painter.system.images import to_linear, to_srgb
 from photographs import calibration
 
 

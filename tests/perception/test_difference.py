@@ -3,7 +3,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.palette import ciede2000, difference
+from frida_painter.strokes.palette import ciede2000, difference
 
 # G. Sharma, W. Wu, E. Dalal (2005), table 1: L1 a1 b1, L2 a2 b2, CIEDE2000.
 PUBLISHED = """

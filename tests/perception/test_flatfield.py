@@ -3,8 +3,8 @@ import pytest
 import torch
 
 from frida_painter.errors import FrameRejected
-from frida_painter.images import to_linear, to_srgb
 from frida_painter.perception.flatfield import FlatField
+from frida_painter.system.images import to_linear, to_srgb
 
 
 def room(rows: int, columns: int) -> torch.Tensor:

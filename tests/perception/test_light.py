@@ -2,7 +2,7 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.images import to_linear, to_srgb
+from frida_painter.system.images import to_linear, to_srgb
 
 
 @given(st.floats(0, 1))

@@ -2,8 +2,8 @@ import pytest
 import torch
 
 from frida_painter.errors import FrameRejected
-from frida_painter.images import to_linear, to_srgb
 from frida_painter.perception.color import read_swatches
+from frida_painter.system.images import to_linear, to_srgb
 
 COLORS = torch.tensor([[0.9, 0.86, 0.8], [0.75, 0.3, 0.2], [0.2, 0.35, 0.6], [0.12, 0.1, 0.09]])
 

@@ -20,19 +20,19 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from frida_painter import images
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
-from frida_painter.python_process import OwnProcess
+from frida_painter.objectives.weights.pipeline_folder import PipelineFolder
 from frida_painter.runs.spec import RunSpec
-from frida_painter.weights.pipeline_folder import PipelineFolder
+from frida_painter.system import images
+from frida_painter.system.python_process import OwnProcess
 from frida_painter_words.picture_makers import pipeline_process
 from frida_painter_words.picture_makers.diffusion import DiffusionMaker
 from frida_painter_words.picture_makers.making import PictureRequest, make_pictures
 from frida_painter_words.picture_makers.pipeline_process import PipelineAnswer, PipelineTask, _require_picture
 from frida_painter_words.picture_makers.pipeline_process import make_pictures as make_pictures_of
 from killing import call_here
+from objectives.weights.test_hub_folder import Answers
 from tiny_pipelines import write_flux, write_lookalike, write_pipeline, write_stable_diffusion_3
-from weights.test_hub_folder import Answers
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of both libraries, about their own settings
 

@@ -10,8 +10,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter import images, registry, storage
-from frida_painter.cli.imagining import usual_maker
+from frida_painter import registry
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError, WeightsError
 from frida_painter.planning.problem import Region
 from frida_painter.runs.goal_item import making_facts, read_making
@@ -19,6 +18,8 @@ from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_folder import keep_goal, read_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system import images, storage
+from frida_painter_cli.imagining import usual_maker
 from frida_painter_words.picture_makers import making as picture_making
 from frida_painter_words.picture_makers.making import (
     Making,

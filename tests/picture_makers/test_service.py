@@ -17,8 +17,8 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter import transfer
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.system import transfer
 from frida_painter_words.picture_makers import service
 from frida_painter_words.picture_makers.making import STRENGTH, PictureRequest
 from frida_painter_words.picture_makers.service import ServiceMaker

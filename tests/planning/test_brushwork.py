@@ -10,7 +10,7 @@ from frida_painter.planning.brushwork import along_brushwork, brushwork_cost
 from frida_painter.planning.initialize import best_proposals
 from frida_painter.planning.optimize import stacked_cost
 from frida_painter.planning.problem import StrokeWishes
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from marks import SMALL
 from support.planning import CANVAS, problem, some_strokes, target
 

@@ -8,7 +8,6 @@ import pytest
 import torch
 
 from elsewhere import elsewhere, waits
-from frida_painter.devices import half_precision
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.base import Reader
@@ -22,14 +21,15 @@ from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.text_loss import wish
 from frida_painter.objectives.word_settings import WordSettings
-from frida_painter.palette import Palette, to_lab
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import uniform
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region
+from frida_painter.strokes.palette import Palette, to_lab
+from frida_painter.strokes.plan import Plan
+from frida_painter.system.devices import half_precision
 from frida_painter_words.text import TextTerm
 from support.networks import QuickEncoders, RandomReader, random_hed_tensors, random_lite_tensors, random_vgg_tensors
 from support.planning import CANVAS, as_it_is, goal, picture, plain, small_table

@@ -10,7 +10,7 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.goals import make_goal
-from frida_painter.stroke_family import CODE_REACH
+from frida_painter.strokes.family import CODE_REACH
 from frida_painter_calibration.teaching.families import FamilyRibbon
 from marks import coarse_table, ribbon, wave_family
 from support.planning import plain

@@ -10,11 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch.nn.functional import avg_pool2d
 
-from frida_painter import images
 from frida_painter.brush.kinds import CoverageSpread
 from frida_painter.frames import PixelGrid, pixel_to_map
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
 from frida_painter.planning.optimize import stacked_moments
@@ -22,6 +19,9 @@ from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.render import composite
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 from support.planning import CANVAS, as_it_is, goal, plain, problem, small_table, some_strokes
 from support.plans import in_layers, made_up_plan
 

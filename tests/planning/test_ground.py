@@ -10,10 +10,10 @@ from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.plan import WHITE
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.ground import ground_around_things, possible_grounds, proposed_ground
 from frida_painter.planning.planner import Planner
+from frida_painter.strokes.plan import WHITE
 from support.networks import QuickEncoders
 from support.planning import CANVAS, as_it_is, plain, small_table
 

@@ -8,7 +8,7 @@ from frida_painter.planning.effort import Effort
 from frida_painter.planning.initialize import layers, pick, progressive, propose, round_sizes, uniform, weigh
 from frida_painter.planning.optimize import optimize
 from frida_painter.planning.variables import Paints
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from support.planning import CANVAS, problem, some_strokes, target
 
 PROBLEM = problem(48)

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError, PlanError
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import layer_sizes, usual_shares
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
 from support.planning import CANVAS, goal, plain, small_table
 
 QUICK = Effort().scale(0.1)

@@ -11,10 +11,10 @@ from frida_painter.mixing.paint import Paint
 from frida_painter.mixing.recipe import ANY_PAINTS, PaintSet
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import difference, from_hex
 from frida_painter.planning.mixable import MIN_APART, make_mixable, mixing_changes
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
+from frida_painter.strokes.palette import difference, from_hex
 
 APART = 2.5
 # Brighter than any acrylic: fluorescent pinks, greens, cyans and yellows, some of them hardly different.

@@ -11,12 +11,12 @@ from torch import Tensor
 from frida_painter.brush.kinds import CoverageSpread, painted_area
 from frida_painter.brush.table import StrokeTable
 from frida_painter.errors import PlanningDiverged
-from frida_painter.palette import to_lab
 from frida_painter.planning import optimize as adam_module
 from frida_painter.planning.optimize import Adam, Step, optimize, stacked_cost
 from frida_painter.planning.problem import ObjectiveForms, PlanningProblem, StrokeWishes
 from frida_painter.planning.variables import Paints
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.strokes import Strokes
 from support.planning import CANVAS, problem, small_table, some_strokes
 
 PROBLEM = problem(48)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from frida_painter.calibration import BrushRecord
 from frida_painter.planning.placement import MAX_LOWER, Placement, TouchHeights, gauss_newton, locate, measure_touch
 from frida_painter.planning.problem import PlanningProblem
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from support.easel import CALIBRATION
 from support.planning import CANVAS, problem, some_strokes
 

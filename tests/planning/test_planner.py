@@ -5,15 +5,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import images
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.palette import Palette, to_lab
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.optimize import Step, optimize_together
 from frida_painter.planning.planner import Planner
@@ -21,6 +18,9 @@ from frida_painter.planning.problem import PlanningProblem, PlanningProblems
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.settle import open_planner
 from frida_painter.runs.spec import RunSpec
+from frida_painter.strokes.palette import Palette, to_lab
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 from support.networks import NoEncoderRegistry, QuickEncoders
 from support.planning import CANVAS, as_it_is, goal, picture, plain, small_table
 from tiny_clip import write_clip

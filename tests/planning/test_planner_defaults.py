@@ -7,15 +7,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import images
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.table import StrokeTable
-from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.materials import Materials
 from frida_painter.planning.planner import Planner
@@ -24,6 +21,9 @@ from frida_painter.runs.goals import make_goal
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import make_planner
 from frida_painter.runs.spec import RunSpec
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
+from frida_painter_cli import commands
 from frida_painter_words.text import TextTerm
 from marks import coarse_table
 from support.networks import QuickEncoders

@@ -4,7 +4,6 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter.palette import Palette, ciede2000, from_lab, to_lab
 from frida_painter.planning.effort import DRAWING, Effort
 from frida_painter.planning.layers import StepCount
 from frida_painter.planning.optimize import Step
@@ -19,7 +18,8 @@ from frida_painter.planning.refine import (
     without_twins,
 )
 from frida_painter.planning.variables import Paints
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette, ciede2000, from_lab, to_lab
+from frida_painter.strokes.strokes import Strokes
 from support.planning import CANVAS, problem, some_strokes, target
 
 PROBLEM = problem(64)

@@ -31,7 +31,7 @@ from frida_painter.planning.optimize import (
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import ObjectiveForms, PlanningProblem, Region, StrokeWishes
 from frida_painter.planning.variables import Paints
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from frida_painter_calibration.teaching.bezier import BezierStroke
 from support.planning import CANVAS, goal, plain, problem, small_table, some_strokes, target
 

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.palette import to_lab
 from frida_painter.planning.variables import Paints, Variables, as_palette
-from frida_painter.strokes import GROUPS, StrokeLimits
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.strokes import GROUPS, StrokeLimits
 from support.planning import some_strokes
 
 F64 = torch.float64

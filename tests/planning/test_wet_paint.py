@@ -8,12 +8,9 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.calibration import WetPaint
 from frida_painter.errors import CalibrationError, PlanError
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.wet_paint import (
@@ -26,7 +23,10 @@ from frida_painter.planning.wet_paint import (
     pack_marks,
 )
 from frida_painter.render.reference import bilinear
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 from support.planning import CANVAS, as_it_is, goal, plain, problem, small_table, some_strokes
 
 WET = WetPaint(rate=20.0, share=0.2, drying=300.0)

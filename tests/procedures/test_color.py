@@ -10,8 +10,8 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Confirm, PointCorners, lead
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.hardware.faults import Bump, Faults, LightChange, LostFocus
-from frida_painter.palette import difference
 from frida_painter.session.observer import CanvasObserver
+from frida_painter.strokes.palette import difference
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter_calibration.procedures.color import WORST_MEAN, color

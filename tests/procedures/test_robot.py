@@ -14,7 +14,7 @@ from frida_painter.hardware.faults import Bump, Faults, PlacementError
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Workspace
 from frida_painter.perception.landmarks import match_dots
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from frida_painter_calibration.procedures.canvas import canvas

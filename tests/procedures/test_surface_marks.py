@@ -18,7 +18,7 @@ from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Frame, MotionReport, Waypoints
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 from frida_painter_calibration.procedures.surface_marks import (
     MarkGrid,
     fit_heights,

@@ -11,7 +11,7 @@ from frida_painter.frames import PixelGrid, pixel_to_map
 from frida_painter.render import composite, painting, reference, render, scanline
 from frida_painter.render.painting import render_plan
 from frida_painter.render.reference import bilinear
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from frida_painter_calibration.teaching.bezier import BezierStroke
 from support.planning import small_table
 from support.plans import made_up_plan

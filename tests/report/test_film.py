@@ -9,7 +9,7 @@ import pytest
 from frida_painter.errors import StorageError
 from frida_painter.report import film
 from frida_painter.report.film import HOLD, SECONDS, FilmWriter
-from frida_painter.video import RATE
+from frida_painter.system.video import RATE
 
 RED, BLUE = (0.8, 0.1, 0.1), (0.1, 0.1, 0.8)
 

@@ -6,9 +6,9 @@ import torch
 from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import PaintSet
-from frida_painter.palette import from_hex
 from frida_painter.report.sheets import mixing_sheet
-from frida_painter.sheet import A4
+from frida_painter.strokes.palette import from_hex
+from frida_painter.system.sheet import A4
 from snapshots import shrunk
 
 COLORS = torch.stack([from_hex(text) for text in ("#e9dccb", "#c9a27e", "#7d9a57", "#3a5f8a", "#802828", "#101010")])

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from frida_painter.report.sheets import palette_sheet
-from frida_painter.sheet import A4
+from frida_painter.system.sheet import A4
 from snapshots import shrunk
 from support.plans import made_up_plan
 

@@ -7,8 +7,8 @@ import torch
 from frida_painter.errors import StorageError
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import PaintSet
-from frida_painter.palette import Palette
 from frida_painter.report.sheets import RecipeSheets
+from frida_painter.strokes.palette import Palette
 from support.plans import made_up_plan
 
 PLAN = made_up_plan(6, 3)

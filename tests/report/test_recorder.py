@@ -7,7 +7,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter.plan import Plan
 from frida_painter.planning.mixable import MIXED_PAINTS
 from frida_painter.report.recorder import Description, Recorder
 from frida_painter.session.events import (
@@ -24,6 +23,7 @@ from frida_painter.session.events import (
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import Painting
+from frida_painter.strokes.plan import Plan
 from support.planning import small_table
 from support.plans import CANVAS, LIMITS, made_up_plan
 

@@ -3,8 +3,8 @@ import math
 import pytest
 import torch
 
-from frida_painter.palette import to_hex
 from frida_painter.report.story import compare, paints
+from frida_painter.strokes.palette import to_hex
 from support.plans import made_up_plan
 
 

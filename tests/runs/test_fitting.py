@@ -5,12 +5,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.objective import Goal
 from frida_painter.runs.goals import make_goal
 from frida_painter.runs.settle import fit_canvas
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system import images
 
 TRUE_PHOTOGRAPHS = True
 

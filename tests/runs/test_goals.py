@@ -5,7 +5,6 @@ import torch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from frida_painter import images
 from frida_painter.errors import ConfigError, ImageError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.semantic import SemanticTerm
@@ -15,6 +14,7 @@ from frida_painter.runs.goal_item import name_of, read_prompt, title_of
 from frida_painter.runs.goals import make_goal, open_goal
 from frida_painter.runs.painting_folder import keep_goal, read_goal
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system import images
 from frida_painter_words.text import TextTerm
 from support.planning import picture
 

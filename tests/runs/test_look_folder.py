@@ -10,13 +10,13 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter.event_log import EventLog
 from frida_painter.runs.look_folder import GivenPicture, LookFolder
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import PauseCause, Paused, Planned, Remark
 from frida_painter.session.fold import PaintingState
+from frida_painter.system.event_log import EventLog
 from marks import coarse_table
 from support import data
 from support.commandline import run_command

@@ -9,10 +9,10 @@ import pytest
 
 from frida_painter.calibration import Calibration
 from frida_painter.errors import StorageError
-from frida_painter.plan import Plan
 from frida_painter.runs.painting_folder import read_spec
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import upgrade_record
+from frida_painter.strokes.plan import Plan
 
 OLDER = Path(__file__).parents[1] / "older"
 

@@ -26,16 +26,16 @@ from PIL import Image
 from frida_painter.brush.kinds import FINE
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import state_folder
-from frida_painter.event_log import EventLog
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
 from frida_painter.session.fold import PaintingState
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.system.event_log import EventLog
 from killing import _read_pictures_alone
 from machines.bench import tell_zero
 from machines.grbl import GRBL, QUICK, GrblController

@@ -11,10 +11,8 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter import images
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, Interrupted
-from frida_painter.palette import from_hex
 from frida_painter.runs.painting_folder import RunRecord, history_of
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
@@ -22,6 +20,8 @@ from frida_painter.session.controls import Controls
 from frida_painter.session.events import Began, Event, PaintsWanted, Planned, Stopped, StrokePainted
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
+from frida_painter.strokes.palette import from_hex
+from frida_painter.system import images
 from killing import began, kill_when
 from support import data
 

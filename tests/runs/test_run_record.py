@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 import frida_painter as fp
-from frida_painter import storage
 from frida_painter.errors import StorageError
 from frida_painter.runs.painting_folder import RecordCheck, RunRecord, hash_files
+from frida_painter.system import storage
 from support.belongings import files_of_a_person
 from support.commandline import run_command
 from support.planning import picture

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from frida_painter.errors import ConfigError, PaintingPaused
-from frida_painter.event_log import EventLog
-from frida_painter.plan import Plan
 from frida_painter.runs.painting_folder import history_of
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Paused, StrokePainted
+from frida_painter.strokes.plan import Plan
+from frida_painter.system.event_log import EventLog
 from frida_painter_together.turns import PenStroke
 
 SMALL = {"canvas": "120x90mm", "render_height": 64, "brush": "fine", "colors": 3}

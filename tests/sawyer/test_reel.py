@@ -4,8 +4,8 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-from frida_painter import video
 from frida_painter.errors import StorageError
+from frida_painter.system import video
 from frida_painter_drivers.sawyer.arm_film import Reel
 
 ROWS, COLUMNS = 32, 48

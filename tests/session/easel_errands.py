@@ -18,8 +18,8 @@ from frida_painter.easel.order import EaselOrder, SimulationOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.palette import Palette
 from frida_painter.registry import EASELS
+from frida_painter.strokes.palette import Palette
 from plugins import install
 
 PAINTS = Palette(torch.tensor([[0.9, 0.8, 0.2], [0.1, 0.1, 0.3]]))

@@ -7,7 +7,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.calibration import BareCanvas, Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
@@ -15,8 +14,9 @@ from frida_painter.errors import CalibrationError, ConfigError, FrameRejected
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import Faults, LightChange
 from frida_painter.perception.flatfield import bare_canvas, is_evenly, light_by_margin
-from frida_painter.plan import WHITE
 from frida_painter.session.observer import CanvasObserver, CanvasStart
+from frida_painter.strokes.plan import WHITE
+from frida_painter.system import images
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from frida_painter_calibration.procedures.canvas import canvas as canvas_procedure

@@ -2,9 +2,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from frida_painter import images
 from frida_painter.hardware.faults import Faults
 from frida_painter.session.events import Event, StrokePainted
+from frida_painter.system import images
 from frida_painter.virtual.studio import StudioSettings
 from support.coffee import OFF, coffee, error, error_with_looks, paint_coffee
 from support.small_world import small_world

@@ -15,11 +15,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import StorageError
-from frida_painter.event_log import EventLog
 from frida_painter.session import events
 from frida_painter.session.events import KINDS, Durable, Event, events_of, record, time_of
 from frida_painter.session.fold import FORMAT, VERSION, PaintingState
 from frida_painter.session.journal import Journal
+from frida_painter.system.event_log import EventLog
 
 AT = datetime(2026, 1, 2, 3, 4, 5, tzinfo=UTC)
 COLOR = (0.1, 0.2, 0.3)

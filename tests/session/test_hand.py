@@ -11,13 +11,13 @@ from frida_painter.calibration import Calibration, LearnedFile
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import LibraryError, PoseMismatch, WorkspaceViolation
 from frida_painter.hardware.motion import Motion
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.choreography import Choreography
 from frida_painter.session.events import Dipped, StrokePainted
 from frida_painter.session.hand import STROKES_PER_DIP, Hand, with_measured_dip
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import StrokeLimits
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter_drivers.sawyer.arm import SAWYER
 from marks import SMALL, small_library

@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 import torch
 
-from frida_painter import images
-from frida_painter.cli.leading import follow
 from frida_painter.errors import StorageError
-from frida_painter.event_log import EventLog, LogReader
-from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement
 from frida_painter.session.events import Looked, MotionBegan, Paused, PlanningStep, StrokePainted
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal, placement_of
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
+from frida_painter.system.event_log import EventLog, LogReader
+from frida_painter_cli.leading import follow
 from support.plans import made_up_plan
 from support.session import SessionSetup
 

@@ -20,8 +20,6 @@ from frida_painter.errors import (
     PlanError,
     PoseMismatch,
 )
-from frida_painter.event_log import EventLog
-from frida_painter.palette import Palette
 from frida_painter.session.choreography import DRYING
 from frida_painter.session.events import (
     BrushInHand,
@@ -42,6 +40,8 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.observer import Timelapse
 from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.strokes.palette import Palette
+from frida_painter.system.event_log import EventLog
 from support.easel import NotingRobot
 from support.session import NotingPlanner, SessionSetup
 

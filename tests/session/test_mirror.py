@@ -3,11 +3,11 @@ import torch
 
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
 from frida_painter.virtual.studio import StudioSettings, open_studio
 
 CANVAS = CanvasSize(0.12, 0.09)

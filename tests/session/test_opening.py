@@ -15,11 +15,11 @@ from frida_painter.easel.dialogue import lead
 from frida_painter.errors import CalibrationError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.faults import PlacementError
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.session.hand import Hand
 from frida_painter.session.opening import on_record, planning_device
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
 from frida_painter.virtual.studio import VirtualStudio, open_studio
 from frida_painter_calibration.procedures.canvas import canvas
 from frida_painter_calibration.procedures.robot import robot
@@ -31,7 +31,7 @@ SIZE = CanvasSize(0.20, 0.15)
 _COUNTING = """
 import resource
 import numpy as np
-from frida_painter.devices import prepare_process
+from frida_painter.system.devices import prepare_process
 
 def faults():
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt

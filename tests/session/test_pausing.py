@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from frida_painter.errors import CameraError, PaintingPaused, StorageError
-from frida_painter.event_log import EventLog
 from frida_painter.hardware.robot import Frame, MotionReport, Waypoints
 from frida_painter.session.events import Event, Paused, PlanningStep, StrokePainted
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
+from frida_painter.system.event_log import EventLog
 from support.easel import NotingRobot, PatientCamera
 from support.session import SessionSetup
 
@@ -160,7 +160,7 @@ def test_photographs_are_given_up_before_the_journal(tmp_path: Path, monkeypatch
     def full(pixels: object, path: Path) -> None:
         raise StorageError(f"{path} cannot be written (No space left on device)")
 
-    monkeypatch.setattr("frida_painter.images.save_exactly", full)
+    monkeypatch.setattr("frida_painter.system.images.save_exactly", full)
     setup = SessionSetup(6, replans=2, journal=begun(tmp_path))
     setup.run()
     assert pauses(setup) == [] and told(tmp_path).finished

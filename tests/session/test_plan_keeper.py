@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from frida_painter.errors import ConfigError
-from frida_painter.plan import Plan
 from frida_painter.session.choreography import DRYING
 from frida_painter.session.events import Paused, Scheduled, StrokePainted
+from frida_painter.strokes.plan import Plan
 from support.session import NotingPlanner, SessionSetup
 
 

@@ -11,7 +11,6 @@ import torch
 from frida_painter.easel.dialogue import Confirm, Question
 from frida_painter.easel.operator import brush_in_hand
 from frida_painter.errors import ConfigError, Interrupted, PoseMismatch, WorkspaceViolation
-from frida_painter.event_log import EventLog
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import BrushRack
 from frida_painter.session.choreography import BrushLoad, Choreography, reckon
@@ -20,6 +19,7 @@ from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import ResumeState
 from frida_painter.session.rehearsal import rehearse
+from frida_painter.system.event_log import EventLog
 from support.easel import CALIBRATION, WORKSPACE
 from support.session import BRUSH, NotingPlanner, SessionSetup
 

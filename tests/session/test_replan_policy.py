@@ -13,7 +13,6 @@ from torch import Tensor
 
 from frida_painter import registry
 from frida_painter.errors import ConfigError
-from frida_painter.plan import Plan
 from frida_painter.registry import REPLAN_POLICIES
 from frida_painter.session.events import Looked, Planned, StrokePainted
 from frida_painter.session.journal import Journal, placement_of
@@ -29,6 +28,7 @@ from frida_painter.session.replan_policy import (
     parse_replan_policy,
 )
 from frida_painter.session.resuming import load_kept_plan
+from frida_painter.strokes.plan import Plan
 from support.easel import PatientCamera
 from support.session import NotingPlanner, SessionSetup
 

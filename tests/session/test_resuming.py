@@ -12,8 +12,6 @@ from torch import Tensor
 
 from frida_painter.brush.weights import load_models_of
 from frida_painter.errors import PlanError
-from frida_painter.event_log import EventLog
-from frida_painter.plan import Plan
 from frida_painter.session import resuming
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, Event, PlanAdopted, StrokeLeftOut, StrokePainted
@@ -21,6 +19,8 @@ from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.open_loop import bare_paper, paint_on_paper
 from frida_painter.session.progress import PaintingProgress, ResumeState
+from frida_painter.strokes.plan import Plan
+from frida_painter.system.event_log import EventLog
 from killing import began, ended, kill_when
 from support.plans import made_up_plan
 from support.virtual_painting import CANVAS, RESTS_ON, STROKES, VirtualPainting

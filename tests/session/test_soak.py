@@ -14,11 +14,8 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import StrokeTable
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.event_log import EventLog
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session.events import Event, Planned, StrokePainted
@@ -28,7 +25,10 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.replan_policy import EvenlySpaced
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system.event_log import EventLog
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from marks import coarse_table

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from frida_painter.brush.kinds import FINE, MEDIUM, BrushKind, Dip
 from frida_painter.hardware.motion import Motion
-from frida_painter.plan import Plan
 from frida_painter.planning.forecast import Fading
 from frida_painter.render import render
 from frida_painter.session.choreography import BrushLoad, Choreography
 from frida_painter.session.events import Dipped
 from frida_painter.session.hand import put_in_order
+from frida_painter.strokes.plan import Plan
 from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape
 from support.easel import CALIBRATION, WORKSPACE
 from support.plans import CANVAS, made_up_plan

@@ -6,11 +6,11 @@ import torch
 from frida_painter.brush.kinds import FINE, brush_kind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.motion import Motion
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.session.choreography import DRYING, BrushLoad, Choreography, reckon
 from frida_painter.session.events import StrokePainted
 from frida_painter.session.hand import Hand
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
 from frida_painter.virtual.studio import FREE, StudioSettings, open_studio
 from frida_painter_drivers.sawyer.arm import KINEMATIC_SAWYER
 from support.easel import CALIBRATION, WORKSPACE

@@ -6,7 +6,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import load_stroke_model
@@ -20,6 +19,7 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.system import images
 from frida_painter.virtual.studio import open_studio
 from support.planning import as_it_is, plain
 from support.session import SessionSetup

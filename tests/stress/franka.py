@@ -34,7 +34,7 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.hardware.workcell import WorkcellConfig
-from frida_painter.plan import Plan
+from frida_painter.strokes.plan import Plan
 from frida_painter.virtual.bristles import find_brush
 from frida_painter_drivers.franka import FrankaRobot
 from support import data

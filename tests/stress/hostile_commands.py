@@ -31,7 +31,7 @@ import torch
 from PIL import Image
 
 from frida_painter import __main__ as program
-from frida_painter.cli.commands import all_commands
+from frida_painter_cli.commands import all_commands
 
 _LEFT_OUT = {("studio",), ("models", "fetch")}  # one serves until it is ended, the other waits for a network
 _AT_WORK = 4.0  # seconds of computing after which a line has gone to work

@@ -22,9 +22,9 @@ from pathlib import Path
 
 from PIL import Image
 
-from frida_painter import images
-from frida_painter.event_log import EventLog
 from frida_painter.runs.painting_folder import are_there
+from frida_painter.system import images
+from frida_painter.system.event_log import EventLog
 
 _PAINT = ("--canvas", "120x90mm", "--fit", "crop", "--render-height", "64", "--effort", "0.05", "--brush", "fine",
           "--colors", "3", "--replans", "1")  # fmt: skip

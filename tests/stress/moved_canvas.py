@@ -20,7 +20,6 @@ from measure import Table, arguments, publish
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
@@ -29,19 +28,20 @@ from frida_painter.frames import PixelGrid
 from frida_painter.hardware.faults import Bump, Faults, LightChange, PlacementError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import Palette
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
 from frida_painter.perception.registration import Verdict
-from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.ground import possible_grounds
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.session.hand import Hand
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import WHITE, Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.robot import Clock
 from frida_painter.virtual.studio import VirtualStudio, open_studio

@@ -9,7 +9,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import load_stroke_model
@@ -25,6 +24,7 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting
 from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.system import images
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from frida_painter_calibration.procedures.color import color
 from support import data

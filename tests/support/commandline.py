@@ -7,7 +7,7 @@ from unittest.mock import patch
 
 import pytest
 
-from frida_painter.cli import commands
+from frida_painter_cli import commands
 
 
 class Said(NamedTuple):

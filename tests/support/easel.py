@@ -10,7 +10,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import StaleFrame
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Frame, MotionReport, Waypoints, Workspace
-from frida_painter.palette import Palette
+from frida_painter.strokes.palette import Palette
 
 CANVAS = CanvasSize(0.12, 0.09)
 WORKSPACE = Workspace(

@@ -12,10 +12,10 @@ import torch
 from torch.nn import functional
 from torch.nn.functional import avg_pool2d
 
-from frida_painter.devices import Constant
 from frida_painter.objectives.encoders.convolutional import EfficientNetLite, Hed, Vgg16
 from frida_painter.objectives.encoders.loading import Choice, EncoderRegistry
 from frida_painter.objectives.encoders.sentence import SentenceEncoder
+from frida_painter.system.devices import Constant
 from frida_painter_words.libraries import PictureArchive
 from frida_painter_words.retrieval import PictureIndex
 

@@ -8,7 +8,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.table import StrokeTable, TableDetail
 from frida_painter.brush.weights import AnyBrush
 from frida_painter.canvas_size import CanvasSize
@@ -16,12 +15,13 @@ from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.interpretation import prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import to_lab
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.materials import Materials
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 from marks import SMALL, ribbon
 
 CANVAS = CanvasSize(0.12, 0.09)

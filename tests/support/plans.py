@@ -5,9 +5,9 @@ from dataclasses import replace
 import torch
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 
 CANVAS = CanvasSize(0.3, 0.2)
 LIMITS = StrokeLimits((0.01, 0.06), (-0.016, 0.016))

@@ -11,9 +11,7 @@ from torch import Tensor
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.calibration import BrushRecord
 from frida_painter.hardware.robot import BrushRack
-from frida_painter.palette import Palette
 from frida_painter.perception.registration import CanvasShift, Registration, Verdict
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, SimilarityForecast
 from frida_painter.planning.optimize import Step
@@ -28,6 +26,8 @@ from frida_painter.session.loop import Extent, PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
 from marks import SMALL
 from support.easel import NotingRobot, PatientCamera, stub_easel
 from support.planning import CANVAS, some_strokes

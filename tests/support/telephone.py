@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.images import to_uint8
+from frida_painter.system.images import to_uint8
 
 
 def taken(canvas: Tensor, seed: int = 0, quarter: int = 0) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:

@@ -9,7 +9,6 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from frida_painter.easel.kinds import JOURNAL, LIVE
-from frida_painter.event_log import FEED, EventLog
 from frida_painter.session.events import (
     Began,
     CommandDone,
@@ -30,6 +29,7 @@ from frida_painter.session.events import (
     TimelapseFrame,
     record,
 )
+from frida_painter.system.event_log import FEED, EventLog
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import WorkerLock
 from served import Served

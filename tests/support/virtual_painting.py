@@ -14,7 +14,6 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PaintingPaused
 from frida_painter.hardware.faults import NO_FAULTS, Faults
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.session import resuming
@@ -26,6 +25,7 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.progress import Painting, ResumeState
 from frida_painter.session.replan_policy import EvenlySpaced
+from frida_painter.strokes.plan import Plan
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
 from support import data

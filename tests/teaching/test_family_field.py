@@ -11,8 +11,8 @@ from frida_painter.frames import PixelGrid, pixel_to_map, scale_maps
 from frida_painter.planning.variables import Variables
 from frida_painter.render import reference
 from frida_painter.render.painting import marks_of, render
-from frida_painter.stroke_family import Taught
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.family import Taught
+from frida_painter.strokes.strokes import Strokes
 from frida_painter_calibration.teaching.families import FamilyField, FamilyRibbon, TracedPaths
 from marks import wave_family
 

@@ -7,10 +7,10 @@ import pytest
 import torch
 from torch import nn
 
-from frida_painter import tensor_file
 from frida_painter.brush.kinds import KINDS
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import LibraryError, WeightsError
+from frida_painter.system import tensor_file
 from frida_painter_calibration.teaching.param2stroke import Param2Stroke, train_param2stroke
 from frida_painter_calibration.teaching.training import make_fresh
 from marks import SMALL, shapes, small_frame, small_library

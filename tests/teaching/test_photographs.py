@@ -10,8 +10,8 @@ import torch
 from numpy.typing import NDArray
 
 import frida_painter as fp
-from frida_painter import images
 from frida_painter.errors import CalibrationError, LibraryError
+from frida_painter.system import images
 
 SHEET = "14x10cm"
 HEAD = "start_x_mm,start_y_mm,angle_deg,length_mm,bend_mm,thickness"

@@ -10,7 +10,7 @@ from frida_painter.brush import DEFAULT_MODEL, MODELS
 from frida_painter.brush.field import StrokeField
 from frida_painter.brush.library import Flaw
 from frida_painter.errors import ConfigError, LibraryError
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.strokes import StrokeLimits
 from frida_painter_calibration.teaching.bezier import BezierStroke, RibbonShape
 from frida_painter_calibration.teaching.evaluation import (
     OTHER_BRUSH,

@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 
-from frida_painter import images
-from frida_painter.cli.options import ask_at_terminal, read_line, require_proposer
 from frida_painter.errors import ConfigError, Interrupted
-from frida_painter.event_log import EventLog
 from frida_painter.session.events import Event, Paused, StrokePainted
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
+from frida_painter.system import images
+from frida_painter.system.event_log import EventLog
+from frida_painter_cli.options import ask_at_terminal, read_line, require_proposer
 from frida_painter_together import proposing
 from frida_painter_together.proposing import Proposer
 from support.planning import picture

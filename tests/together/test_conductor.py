@@ -13,11 +13,9 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter import images
 from frida_painter.easel.kinds import GIVEN, LIVE
 from frida_painter.errors import FrameRejected, StorageError
 from frida_painter.hardware.easel import PersonStroke
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.planner import Planner
 from frida_painter.runs.painting_folder import read_goal
@@ -26,6 +24,8 @@ from frida_painter.session.controls import Controls
 from frida_painter.session.events import Durable, Event, PauseCause, kind_of
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import ResumeState
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 from frida_painter_studio.picture_choosing import AllowedMakers
 from frida_painter_studio.stop import StopPressed, StopWatch
 from frida_painter_together.commands import (

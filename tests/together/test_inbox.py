@@ -14,8 +14,8 @@ from pydantic import TypeAdapter, ValidationError
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, PointCorners, Question
 from frida_painter.easel.kinds import INBOX
 from frida_painter.errors import ConfigError, Interrupted
-from frida_painter.event_log import FEED, EventLog
 from frida_painter.session.events import Asked
+from frida_painter.system.event_log import FEED, EventLog
 from frida_painter_studio.stop import StopPressed, StopWatch
 from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
 from frida_painter_studio.web_studio import Followed

@@ -15,8 +15,6 @@ from hypothesis.extra.numpy import arrays
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.event_log import EventLog
-from frida_painter.plan import Plan
 from frida_painter.session import resuming
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, PauseCause, Paused, Planned, StrokeOfPerson, TimelapseFrame
@@ -24,6 +22,8 @@ from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.progress import ResumeState
+from frida_painter.strokes.plan import Plan
+from frida_painter.system.event_log import EventLog
 from frida_painter_together.policies import TurnTaken, find_turn_policy
 from frida_painter_together.turns import PenStroke, thin
 from killing import kill_when

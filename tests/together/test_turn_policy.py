@@ -12,10 +12,10 @@ from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import PersonStroke
-from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import find_painted
-from frida_painter.plan import Plan
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 from frida_painter_together.policies import TurnTaken, answer_turn, find_turn_policy, take_turn, touches, trace_strokes
 
 SIZE = CanvasSize(0.12, 0.09)

@@ -8,7 +8,7 @@ import torch
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.faults import PlacementError
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.palette import Palette
+from frida_painter.strokes.palette import Palette
 from frida_painter.virtual.studio import StudioSettings, open_studio
 from frida_painter.virtual.tabletop import HandNoise
 

@@ -299,7 +299,9 @@ def test_what_nobody_foresaw_gets_a_number_and_nothing_else(
 
 
 def test_a_full_disk_is_told_without_a_path(studio: Studio, visitor: Visitor, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter.storage.shutil.disk_usage", lambda path: type("Usage", (), {"free": 1000})())
+    monkeypatch.setattr(
+        "frida_painter.system.storage.shutil.disk_usage", lambda path: type("Usage", (), {"free": 1000})()
+    )
     file = io.BytesIO()
     Image.new("RGB", (64, 48)).save(file, "PNG")
     answer = visitor.post("/api/pictures", content=file.getvalue())

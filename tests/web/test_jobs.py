@@ -9,8 +9,8 @@ from typing import Any, get_args
 import pytest
 
 from frida_painter import calibration
-from frida_painter.event_log import FEED, EventLog
 from frida_painter.session import events
+from frida_painter.system.event_log import FEED, EventLog
 from frida_painter_calibration.procedures.workspace import STEPS
 from frida_painter_studio.jobs import (
     JOBS,

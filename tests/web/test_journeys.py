@@ -27,10 +27,10 @@ from browsing import (
     require_stop_on_top,
     window,
 )
-from frida_painter import images
-from frida_painter.event_log import EventLog
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.session.events import Advanced, CommandDone, Event, NewGoal, ResultFound, Stopped, WentOn
+from frida_painter.system import images
+from frida_painter.system.event_log import EventLog
 from frida_painter_calibration.teaching.families import load_family
 from frida_painter_studio.studio_folder import PaintingFolder
 from frida_painter_together.commands import PAUSE, ROBOT_MOVES, Protect, Simple, TakeTurns

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from frida_painter.event_log import FEED, EventLog
+from frida_painter.system.event_log import FEED, EventLog
 from frida_painter_studio.pace import find_pace
 from frida_painter_studio.painting_state import PaintingPage
 from frida_painter_studio.state import FeedStates

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.python_process import OwnProcess
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system.python_process import OwnProcess
 from frida_painter_studio import studio_command, studio_folder
 from frida_painter_studio.picture_choosing import AllowedMakers, label_of
 from frida_painter_studio.side_jobs import imagine

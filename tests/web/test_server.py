@@ -24,8 +24,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
-from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
+from frida_painter_cli import commands
 from frida_painter_studio import server
 from frida_painter_studio.network import Certificate
 from frida_painter_studio.server import hosts, listen
@@ -102,7 +102,7 @@ import io, sys
 from pathlib import Path
 from PIL import Image
 import frida_painter_studio.server  # what the command opens the page with
-from frida_painter.cli import commands as cli
+from frida_painter_cli import commands as cli
 from support.studio import Studio
 
 cli.build()

@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from frida_painter import python_process
+from frida_painter.system import python_process
 from frida_painter_studio.network import share_lock
 from frida_painter_studio.stop import END, StopKey, StopWatch, call
 from frida_painter_studio.stop_listener import StopProcess

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from frida_painter import python_process
+from frida_painter.system import python_process
 from frida_painter_studio import network
 from frida_painter_studio.workers import WorkerSlot
 from support.programs import load_program

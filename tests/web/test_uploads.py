@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from frida_painter import images
 from frida_painter.errors import ImageError, Interrupted
-from frida_painter.python_process import ProcessLimits
+from frida_painter.system import images
+from frida_painter.system.python_process import ProcessLimits
 from frida_painter_studio import store as uploads
 from frida_painter_studio.reader import decode_upload
 from frida_painter_studio.store import PaintingStore

@@ -19,7 +19,6 @@ from PIL import Image, ImageDraw
 from playwright.sync_api import Browser, BrowserContext, Page, Route, expect
 
 from browsing import WITH_CHROMIUM, complaints, require_stop_on_top
-from frida_painter import storage
 from frida_painter.report.painters import Painters
 from frida_painter.session.events import (
     Advanced,
@@ -31,6 +30,7 @@ from frida_painter.session.events import (
     Stopped,
     Turns,
 )
+from frida_painter.system import storage
 from frida_painter_studio.painting_state import Stage
 from frida_painter_studio.workers import QUEUE
 from served import Served, opened_studio

@@ -16,9 +16,9 @@ from frida_painter import registry
 from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.workcell import example
-from frida_painter.messages import pack, unpack
 from frida_painter.runs.painting_easel import order
 from frida_painter.session.events import Stopped
+from frida_painter.system.messages import pack, unpack
 from frida_painter_studio import worker_process
 from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest, WorkerLock, working

@@ -5,7 +5,7 @@ import torch
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import to_lab
+from frida_painter.strokes.palette import to_lab
 from frida_painter_words.composition import compose_scene, lay_in, paint_of, recolor
 
 GRID = PixelGrid.of_height(CanvasSize.parse("40x30cm"), 90)

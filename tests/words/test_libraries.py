@@ -16,9 +16,9 @@ import resvg_py
 import torch
 from PIL import Image, ImageColor
 
-from frida_painter import weights
 from frida_painter.errors import ConfigError, ImageError, PluginError, WeightsError
-from frida_painter.python_process import ProcessLimits
+from frida_painter.objectives import weights
+from frida_painter.system.python_process import ProcessLimits
 from frida_painter_words import svg_process
 from frida_painter_words.libraries import SHIPPED, PictureArchive, PictureFolder, libraries_at_hand, read_picture
 from plugins import install
@@ -110,7 +110,7 @@ def test_a_package_becomes_a_library(name: str, tmp_path: Path, monkeypatch: pyt
     published = entry.files[0].name  # of npm, files have the names that are known; packages of Debian any version
     entry = replace(entry, files=(original(published, small.content),))
     others = [other for other in weights.all_weights() if other.name != name]
-    monkeypatch.setattr("frida_painter.weights.catalogue.all_weights", lambda: (*others, entry))
+    monkeypatch.setattr("frida_painter.objectives.weights.catalogue.all_weights", lambda: (*others, entry))
     (tmp_path / "brought").mkdir()
     (tmp_path / "brought" / (published if published.endswith(".tgz") else small.file)).write_bytes(small.content)
     weights.fetch(name, tmp_path / "cache", offline=True, origin=tmp_path / "brought")

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any, Self
 import torch
 from torch import Tensor, nn
 
-from frida_painter import tensor_file
 from frida_painter.brush.kinds import CERTAIN, BrushKind, CoverageSpread, StrokeModel
 from frida_painter.brush.table import squash
 from frida_painter.errors import WeightsError
 from frida_painter.frames import MapFrame
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.strokes import StrokeLimits
+from frida_painter.system import tensor_file
 
 if TYPE_CHECKING:
     from frida_painter.brush.library import StrokeLibrary

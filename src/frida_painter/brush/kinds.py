@@ -14,8 +14,8 @@ from torch import Tensor
 from frida_painter import registry
 from frida_painter.errors import ConfigError, FridaError, PlanError, WeightsError
 from frida_painter.frames import MapFrame
-from frida_painter.stroke_family import StrokeFamily, describe_kind
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.family import StrokeFamily, describe_kind
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 
 _MAX = 1000
 _STAYS_FULL = 0.3  # share of the dip with full marks; later marks fade evenly

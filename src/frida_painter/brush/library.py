@@ -14,16 +14,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import storage
 from frida_painter.brush.kinds import Dip, painted_area
 from frida_painter.errors import LibraryError
 from frida_painter.frames import MapFrame
 from frida_painter.registry import Later
+from frida_painter.system import storage
 
 if TYPE_CHECKING:
     from frida_painter.canvas_size import AnyCanvas
-    from frida_painter.images import AnyPicture
-    from frida_painter.palette import AnyColor
+    from frida_painter.strokes.palette import AnyColor
+    from frida_painter.system.images import AnyPicture
 
 
 class Flaw(IntEnum):

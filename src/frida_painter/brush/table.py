@@ -21,13 +21,13 @@ import platformdirs
 import torch
 from torch import Tensor, nn
 
-from frida_painter import tensor_file
 from frida_painter.brush.kinds import CoverageSpread, StrokeModel, spread_of
-from frida_painter.devices import array, compiles_for
 from frida_painter.errors import StorageError
 from frida_painter.frames import MapFrame
-from frida_painter.stroke_family import CODE_REACH
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.family import CODE_REACH
+from frida_painter.strokes.strokes import StrokeLimits
+from frida_painter.system import tensor_file
+from frida_painter.system.devices import array, compiles_for
 
 # Squash: conversion of smooth logits to magnitudes
 #

@@ -31,7 +31,7 @@ from frida_painter.hardware.robot import (
     TouchProbe,
     ZeroedRobot,
 )
-from frida_painter.messages import Arrays, Wire, decode_error, encode_error, pack, unpack
+from frida_painter.system.messages import Arrays, Wire, decode_error, encode_error, pack, unpack
 
 T = TypeVar("T")
 

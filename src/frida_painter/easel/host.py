@@ -23,8 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from frida_painter import storage
-from frida_painter.devices import prepare_process
 from frida_painter.easel.connection import Host
 from frida_painter.easel.guard import GuardedCamera, GuardedRobot
 from frida_painter.easel.kinds import LIVE_PICTURE, STOP_FILE, is_simulated
@@ -36,8 +34,10 @@ from frida_painter.hardware.deadline import one_line
 from frida_painter.hardware.gateway import MotionLimits, Surface
 from frida_painter.hardware.latch import HOW_TO_ARM, Unlatched, latch_of
 from frida_painter.hardware.robot import LiveCamera
-from frida_painter.messages import Wire
-from frida_painter.python_process import in_own_process
+from frida_painter.system import storage
+from frida_painter.system.devices import prepare_process
+from frida_painter.system.messages import Wire
+from frida_painter.system.python_process import in_own_process
 
 # The live picture: the camera's current picture in a file, renewed about once a second, for people to watch.
 

@@ -15,7 +15,7 @@ import numpy as np
 from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
-from frida_painter import registry, storage
+from frida_painter import registry
 from frida_painter.easel.kinds import (
     NO_CAMERA,
     EaselKind,
@@ -33,6 +33,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind, by_name
 from frida_painter.hardware.robot import Camera, Reach, Robot, Workspace
 from frida_painter.hardware.workcell import WorkcellConfig
+from frida_painter.system import storage
 
 
 def open_easel(order: EaselOrder) -> OpenEasel:

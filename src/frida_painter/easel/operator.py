@@ -11,8 +11,8 @@ from frida_painter.hardware.easel import Operator
 from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import PaintSet
-from frida_painter.palette import Palette, to_hex
-from frida_painter.sheet import CREAM, INK, Grid, Sheet, to_bytes
+from frida_painter.strokes.palette import Palette, to_hex
+from frida_painter.system.sheet import CREAM, INK, Grid, Sheet, to_bytes
 
 _SWATCH = 150  # pixels
 

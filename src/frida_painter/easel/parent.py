@@ -13,9 +13,9 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from frida_painter import python_process
 from frida_painter.errors import FridaError, ProcessLost, RobotDisconnected, RobotError
-from frida_painter.messages import decode_error
+from frida_painter.system import python_process
+from frida_painter.system.messages import decode_error
 
 if TYPE_CHECKING:
     from frida_painter.easel.connection import Link

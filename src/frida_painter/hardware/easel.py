@@ -11,7 +11,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.hardware.robot import Camera, Reach, Robot, Waypoints, Workspace
 from frida_painter.hardware.timing import AxisTiming, Timing
-from frida_painter.palette import Palette
+from frida_painter.strokes.palette import Palette
 
 
 class Operator(Protocol):

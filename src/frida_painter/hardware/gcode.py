@@ -15,10 +15,10 @@ from typing import Annotated, Any, NoReturn, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from frida_painter import storage
 from frida_painter.errors import ConfigError, WorkspaceViolation
 from frida_painter.hardware.robot import Point, Waypoints, Workspace
 from frida_painter.hardware.timing import ServoTiming
+from frida_painter.system import storage
 
 PREAMBLE = ("G21", "G90", "G94")
 """Millimetres, absolute coordinates, feed per minute."""

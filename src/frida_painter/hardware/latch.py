@@ -19,8 +19,8 @@ from pathlib import Path
 
 from platformdirs import site_data_path
 
-from frida_painter import storage
 from frida_painter.errors import StorageError
+from frida_painter.system import storage
 
 HOW_TO_ARM = "look at it, free what has to be freed, then re-arm it: frida-painter arm"
 SHARED = "FRIDA_PAINTER_STOPS"

@@ -13,7 +13,7 @@ from frida_painter.brush.kinds import stroke_path
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, WorkspaceViolation
 from frida_painter.hardware.robot import BrushRack, Point, Waypoints, Workspace
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 
 STIR_RADIUS = 0.008
 """Radius of the tip's circle in a well or in the water, metres."""

@@ -19,7 +19,7 @@ import numpy as np
 from platformdirs import user_config_path
 from pydantic import Field, PrivateAttr, ValidationError
 
-from frida_painter import registry, storage
+from frida_painter import registry
 from frida_painter.canvas_size import SMALLEST_CANVAS, CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.kinds import Needed, RobotKind
@@ -35,7 +35,8 @@ from frida_painter.hardware.workcell import (
     WorkcellConfig,
     describe_faults,
 )
-from frida_painter.palette import MAX_COLORS
+from frida_painter.strokes.palette import MAX_COLORS
+from frida_painter.system import storage
 
 _MAX_BYTES = 2**16
 _ADVICE = "`frida-painter setup --presets` lists the presets and says where yours are kept"

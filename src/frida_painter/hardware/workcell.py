@@ -12,14 +12,14 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from frida_painter import storage
 from frida_painter.calibration import BrushRecord, Calibration
 from frida_painter.canvas_size import LARGEST_CANVAS, SMALLEST_CANVAS, CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.gateway import FASTEST
 from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.robot import ArmLength, BrushRack, Point, Workspace
-from frida_painter.palette import MAX_COLORS
+from frida_painter.strokes.palette import MAX_COLORS
+from frida_painter.system import storage
 
 # Sections of a workspace file, with their entries and the range of each.
 

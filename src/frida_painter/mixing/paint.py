@@ -14,11 +14,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from frida_painter import storage
 from frida_painter.errors import ConfigError
-from frida_painter.images import to_linear, to_srgb
 from frida_painter.mixing import Finish
-from frida_painter.palette import ciede2000, from_hex, to_lab
+from frida_painter.strokes.palette import ciede2000, from_hex, to_lab
+from frida_painter.system import storage
+from frida_painter.system.images import to_linear, to_srgb
 
 # Reflectance in sixteen bands of light, its colour, and the smoothest reflectance of a colour
 #

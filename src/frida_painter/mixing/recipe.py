@@ -15,8 +15,8 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.errors import ConfigError, PluginError
 from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import Paint, color_of, mix_reflectance, read_paints, usual_paints
-from frida_painter.palette import ciede2000, to_lab
-from frida_painter.plan import Plan
+from frida_painter.strokes.palette import ciede2000, to_lab
+from frida_painter.strokes.plan import Plan
 
 GOOD, REACHED = 2.0, 5.0
 """Limits of CIEDE2000: the difference is hardly visible up to GOOD; the colour is out of reach above REACHED."""

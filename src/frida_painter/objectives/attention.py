@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.image import ImageTerm, rise, spread
 from frida_painter.objectives.objective import Goal, Term
+from frida_painter.system import images
 
 if TYPE_CHECKING:
     from frida_painter.objectives.encoders.convolutional import Hed

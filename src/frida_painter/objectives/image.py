@@ -9,9 +9,9 @@ from typing import ClassVar, Self
 from torch import Tensor
 from torch.nn.functional import mse_loss
 
-from frida_painter import images
 from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.objective import Goal, ObjectiveContext, ObjectiveTerm, Term, require_weight
+from frida_painter.system import images
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.encoders.loading import EncoderRegistry
@@ -21,6 +20,7 @@ from frida_painter.objectives.objective import (
     Term,
     require_objective,
 )
+from frida_painter.system import images
 
 _INSISTENCE = 4.0  # weight of a recognition that is worse than that of the beginning
 

@@ -10,15 +10,15 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
-from frida_painter.devices import send_to_device
 from frida_painter.objectives import USUAL_FREEDOM
 from frida_painter.objectives.attention import start_from_meaning
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.convolutional import Vgg16
 from frida_painter.objectives.image import PaintedTerm, rise, spread
 from frida_painter.objectives.objective import GRADIENT_LASTS, Goal, ObjectiveContext, ObjectiveTerm
-from frida_painter.palette import from_lab, to_lab
+from frida_painter.strokes.palette import from_lab, to_lab
+from frida_painter.system import images
+from frida_painter.system.devices import send_to_device
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.encoders.convolutional import Hed
 from frida_painter.objectives.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import GRADIENT_LASTS, Goal, ObjectiveContext, ObjectiveTerm, Term
 from frida_painter.objectives.semantic import Semantic
-from frida_painter.palette import Palette, to_lab
+from frida_painter.strokes.palette import Palette, to_lab
+from frida_painter.system import images
 
 _FEWEST = 2e-4  # smallest share of line pixels; fewer are a speck
 _BROAD = 1 / 40  # of a canvas's shorter side: about the finest lines of the brushes

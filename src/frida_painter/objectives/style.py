@@ -9,8 +9,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
-from frida_painter.devices import Constant, send_to_device
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.convolutional import Vgg16
@@ -18,7 +16,9 @@ from frida_painter.objectives.image import PictureTerm, rise
 from frida_painter.objectives.objective import GRADIENT_LASTS, Goal, ObjectiveContext, ObjectiveTerm, Term
 from frida_painter.objectives.style_flow import FACE, change_by_place, magnification, styles_of
 from frida_painter.objectives.style_marks import fill_drawing_in_style, in_style_marks
-from frida_painter.palette import from_lab, to_lab
+from frida_painter.strokes.palette import from_lab, to_lab
+from frida_painter.system import images
+from frida_painter.system.devices import Constant, send_to_device
 
 _FLAT = 0.01  # standard deviation below which a picture has a single colour
 

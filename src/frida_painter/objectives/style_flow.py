@@ -13,11 +13,11 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.image import rise, spread
 from frida_painter.objectives.objective import Goal, Term
-from frida_painter.palette import to_lab
+from frida_painter.strokes.palette import to_lab
+from frida_painter.system import images
 
 # Places of several styles in one picture: the darkest style takes the darkest places, each a share by its weight
 

@@ -14,7 +14,6 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.objectives.image import ImageTerm, rise, spread
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.sketch import color_drawing, filled_areas
@@ -26,7 +25,8 @@ from frida_painter.objectives.style_flow import (
     mark_spacing,
     styles_of,
 )
-from frida_painter.palette import Palette, from_lab, to_lab
+from frida_painter.strokes.palette import Palette, from_lab, to_lab
+from frida_painter.system import images
 
 # Photographs in the marks of a style. Places with edges of their own keep most of their picture.
 

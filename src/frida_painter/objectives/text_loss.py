@@ -7,10 +7,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter.devices import Constant, send_to_device
 from frida_painter.objectives.encoders.base import Reader
 from frida_painter.objectives.semantic import Views
 from frida_painter.objectives.word_settings import USUAL, ClipWork, WordSettings
+from frida_painter.system.devices import Constant, send_to_device
 
 _VIEWS = 72
 _WHOLES = 35  # views of the whole picture for a CLIP, of these: it knows places and counts, which a crop changes

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
 
-from frida_painter import images, picture_file, storage
 from frida_painter.calibration import Calibration
 from frida_painter.errors import ConfigError, FrameRejected, ImageError
-from frida_painter.images import light_of_bytes, to_linear, to_srgb
-from frida_painter.palette import MAX_COLORS, Palette, difference
-from frida_painter.palette_file import FORMS, is_palette_file, light_of_lab
+from frida_painter.strokes.palette import MAX_COLORS, Palette, difference
+from frida_painter.strokes.palette_file import FORMS, is_palette_file, light_of_lab
+from frida_painter.system import images, picture_file, storage
+from frida_painter.system.images import light_of_bytes, to_linear, to_srgb
 
 # Colour checker: places, readings and true colours of its 24 patches
 

@@ -14,10 +14,10 @@ from frida_painter.calibration import BareCanvas, Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import PixelGrid
-from frida_painter.images import light_of_bytes, to_linear, to_srgb
-from frida_painter.palette import to_lab
 from frida_painter.perception.rectify import photographed_pixels, rectify, require_photograph
-from frida_painter.plan import WHITE
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.plan import WHITE
+from frida_painter.system.images import light_of_bytes, to_linear, to_srgb
 
 _DEGREE = 4
 _PAIRS = [(i, j) for i in range(_DEGREE + 1) for j in range(_DEGREE + 1 - i)]  # degrees (down, across) of the terms

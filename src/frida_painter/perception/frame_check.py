@@ -15,12 +15,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
-from frida_painter.images import to_linear
-from frida_painter.palette import to_lab
 from frida_painter.perception.rectify import pixels_per_metre
 from frida_painter.perception.registration import (
     COARSEST,
@@ -32,6 +29,9 @@ from frida_painter.perception.registration import (
     Verdict,
     register,
 )
+from frida_painter.strokes.palette import to_lab
+from frida_painter.system import images
+from frida_painter.system.images import to_linear
 
 _TELLABLE = 0.5  # share of a large pixel
 _REACH = 0.012  # metres around the canvas edge that are searched

@@ -17,7 +17,7 @@ from frida_painter.calibration import Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens, PixelGrid
-from frida_painter.images import light_of_bytes, to_linear
+from frida_painter.system.images import light_of_bytes, to_linear
 
 # Outline of the canvas with subpixel accuracy, and distortion of the lens
 #

@@ -13,7 +13,7 @@ from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import Lens, PixelGrid
-from frida_painter.images import light_of_bytes, to_srgb
+from frida_painter.system.images import light_of_bytes, to_srgb
 
 # Map from commanded to painted positions, fitted to places at which both are known
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from frida_painter.calibration import Calibration, Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.images import light_of_bytes
 from frida_painter.perception.rectify import photographed_pixels, pixels_per_metre
+from frida_painter.system.images import light_of_bytes
 
 # Edge of a sheet of paper in a photograph, to detect motion and blur
 #

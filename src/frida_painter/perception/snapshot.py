@@ -16,11 +16,11 @@ from frida_painter.calibration import Calibration, Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import PixelGrid
-from frida_painter.images import to_linear
-from frida_painter.palette import to_lab
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.landmarks import find_canvas
 from frida_painter.perception.rectify import rectify
+from frida_painter.strokes.palette import to_lab
+from frida_painter.system.images import to_linear
 
 _CELLS = 32  # squares along the shorter side; colours are compared by squares
 _UNPAINTED = 1.5  # CIELAB; a square that the strokes change less is unpainted

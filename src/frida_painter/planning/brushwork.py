@@ -12,7 +12,7 @@ from torch.nn import functional
 
 from frida_painter.brush.kinds import StrokeModel, mark_width
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 
 _WAVERS = 0.15  # radians, standard deviation of proposed strokes about the direction
 _VARIES = 0.2  # standard deviation of the logarithm of their length

@@ -14,16 +14,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.objective import Goal
-from frida_painter.plan import Plan
 from frida_painter.planning.layers import beneath
 from frida_painter.planning.optimize import stacked_moments
 from frida_painter.planning.placement import Placement, displace_strokes
 from frida_painter.planning.problem import FailureTolerance, PlanningProblem, PlanningProblems
 from frida_painter.planning.refine import loss_of_paint, visible_area
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 
 _LIKELY = 2.0  # standard deviations
 _UNKNOWN_DB = 0.4

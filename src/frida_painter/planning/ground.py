@@ -6,15 +6,15 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.attention import EVERYWHERE
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import to_lab
-from frida_painter.plan import WHITE
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.plan import WHITE
+from frida_painter.system import images
 
 _ROWS = 64
 # Quick plans, measured on nine pictures with two seeds: they chose the same ground as whole plans, or one at most

@@ -10,15 +10,15 @@ from torch.nn import functional
 from frida_painter.brush.kinds import StrokeModel, growth_of, mark_width
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import to_lab
 from frida_painter.planning.brushwork import along_brushwork
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
-from frida_painter.stroke_family import CODE_REACH, StrokeFamily, Taught
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.family import CODE_REACH, StrokeFamily, Taught
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 
 # Places for the next strokes: many strokes are proposed, their gains are computed, and the best are kept.
 #

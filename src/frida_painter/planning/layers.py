@@ -12,12 +12,12 @@ import torch
 from torch import Tensor
 
 from frida_painter.frames import PixelGrid
-from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step, StrokesInScene
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
 from frida_painter.planning.refine import HARDLY_APART, MOVED, relocate, without_twins
 from frida_painter.planning.variables import Paints, as_palette
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
 
 
 class StepCount:

@@ -10,10 +10,10 @@ from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import AnyBrush, load_stroke_model
 from frida_painter.errors import ConfigError
 from frida_painter.mixing.recipe import ANY_PAINTS, PaintSet
-from frida_painter.plan import WHITE
 from frida_painter.planning.fields import AUTO, OF_SCENE, rgb
 from frida_painter.planning.problem import Region
 from frida_painter.planning.settings import PlannerSettings
+from frida_painter.strokes.plan import WHITE
 
 
 @dataclass(frozen=True, eq=False)

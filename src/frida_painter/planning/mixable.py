@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 
 from frida_painter.mixing.recipe import PaintSet, Recipe
-from frida_painter.palette import ciede2000, to_hex, to_lab
-from frida_painter.plan import Plan
+from frida_painter.strokes.palette import ciede2000, to_hex, to_lab
+from frida_painter.strokes.plan import Plan
 
 MIN_APART = 1.0
 """CIEDE2000 below which two mixtures are not told apart; a person sees differences of about 1 and more."""

@@ -9,14 +9,14 @@ import torch
 from torch import Tensor
 
 from frida_painter.brush.kinds import kind_of, mark_width
-from frida_painter.devices import array, compiles_for
 from frida_painter.errors import PlanningDiverged
 from frida_painter.frames import PixelGrid, Rows
 from frida_painter.objectives.objective import CanvasLoss, Sparing
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints, Variables
 from frida_painter.render import Marks, Moments, composite_moments
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system.devices import array, compiles_for
 
 _BETAS = (0.9, 0.98)
 _EPSILON = 1e-8

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.calibration import BrushRecord, Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
 from frida_painter.planning.problem import PlanningProblem
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 
 
 def gauss_newton(

@@ -10,19 +10,16 @@ from typing import Any, Final
 import torch
 from torch import Tensor
 
-from frida_painter import images, registry
+from frida_painter import registry
 from frida_painter.brush.kinds import StrokeModel, kind_of
 from frida_painter.brush.weights import weights_of
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError, PluginError
 from frida_painter.frames import PixelGrid
-from frida_painter.images import AnyPicture, as_picture
 from frida_painter.objectives.attention import weight_by_focus
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import MAX_COLORS, AnyColor, Palette, as_color, to_lab
-from frida_painter.plan import Plan
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
 from frida_painter.planning.initialize import optimize_target, progressive
@@ -45,7 +42,11 @@ from frida_painter.planning.refine import HARDLY_APART, MOVED, MOVED_WHERE_A_LAY
 from frida_painter.planning.settings import PlannerSettings, layer_sizes, usual_layers, usual_shares
 from frida_painter.planning.variables import Paints, as_palette
 from frida_painter.planning.wet_paint import Wetness
-from frida_painter.provenance import describe_here, hash_code, identify
+from frida_painter.strokes.palette import MAX_COLORS, AnyColor, Palette, as_color, to_lab
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
+from frida_painter.system.images import AnyPicture, as_picture
+from frida_painter.system.provenance import describe_here, hash_code, identify
 
 _NO_MOVES = Moves()
 _POLISHING_PACE = 0.5

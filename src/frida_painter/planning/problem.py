@@ -9,7 +9,6 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.brush.kinds import CoverageSpread, StrokeModel, painted_area, spread_of
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, PlanError, PlanningDiverged
@@ -18,10 +17,11 @@ from frida_painter.objectives.image import spread
 from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.objective import CanvasLoss, Goal, Sparing
 from frida_painter.objectives.style_flow import brushwork_of
-from frida_painter.plan import Plan
 from frida_painter.planning.brushwork import brushwork_cost
 from frida_painter.render import Marks, Moments, marks_of, render, render_moments
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
+from frida_painter.system import images
 
 # Factor of the spread, because marks vary more in a painting than in a stroke library: paint may lie on wet paint,
 # the brush is not always full, and the plan prefers strokes for which the model errs in their favour. Measured on

@@ -6,14 +6,14 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from frida_painter.palette import Palette, ciede2000, to_lab
 from frida_painter.planning.effort import DRAWING, Effort
 from frida_painter.planning.initialize import best_proposals, insert
 from frida_painter.planning.optimize import Step, optimize
 from frida_painter.planning.problem import PlanningProblem
 from frida_painter.planning.variables import Paints
 from frida_painter.render import composite
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette, ciede2000, to_lab
+from frida_painter.strokes.strokes import Strokes
 
 HARDLY_APART = 2.5
 """CIEDE2000 below which two paints are hardly told apart and are merged.

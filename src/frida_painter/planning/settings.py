@@ -31,7 +31,7 @@ from frida_painter.planning.fields import (
     rgb,
 )
 from frida_painter.planning.form_control import Control
-from frida_painter.storage import count_of
+from frida_painter.system.storage import count_of
 
 
 def setting(

@@ -17,10 +17,10 @@ import torch
 from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.devices import array, compiles_for
-from frida_painter.palette import Palette, to_lab
-from frida_painter.stroke_family import Taught
-from frida_painter.strokes import GROUPS, StrokeLimits, Strokes
+from frida_painter.strokes.family import Taught
+from frida_painter.strokes.palette import Palette, to_lab
+from frida_painter.strokes.strokes import GROUPS, StrokeLimits, Strokes
+from frida_painter.system.devices import array, compiles_for
 
 # First steps of x and y in metres, angle in radians, length and bend in metres, and thickness; then of each code.
 _UNITS = (0.0015, 0.0015, 0.06, 0.002, 0.001, 0.04)

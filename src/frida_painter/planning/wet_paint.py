@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import interpolate
 
-from frida_painter import images
 from frida_painter.calibration import WetPaint
-from frida_painter.devices import array
 from frida_painter.errors import PlanError
 from frida_painter.frames import PixelGrid
-from frida_painter.images import to_linear
-from frida_painter.plan import Plan
 from frida_painter.planning.optimize import PictureChange
 from frida_painter.planning.problem import PlanningProblem, PlanningProblems
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
+from frida_painter.system.devices import array
+from frida_painter.system.images import to_linear
 
 _ROWS = 64  # of the picture in which wet paint is reckoned; it changes a picture less sharply than marks do
 _ALONG = 17  # places along a path at which the brush takes up paint

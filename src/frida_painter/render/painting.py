@@ -16,16 +16,16 @@ from frida_painter.brush.kinds import CoverageSpread, StrokeModel, growth_of, sp
 from frida_painter.brush.table import StrokeTable
 from frida_painter.brush.weights import AnyBrush, load_models_of, load_stroke_model
 from frida_painter.canvas_size import AnyCanvas, CanvasSize
-from frida_painter.devices import compiles_for
 from frida_painter.errors import ConfigError, PlanError
-from frida_painter.exporter import ExporterKind, ExportOptions
 from frida_painter.frames import ALL_ROWS, PixelGrid, Rows, pixel_to_map, scale_maps
-from frida_painter.images import AnyPicture, as_picture, to_uint8
-from frida_painter.palette import AnyColor, as_color
-from frida_painter.plan import Plan
 from frida_painter.render import reference
-from frida_painter.stroke_family import describe_families
-from frida_painter.strokes import Strokes
+from frida_painter.render.exporter import ExporterKind, ExportOptions
+from frida_painter.strokes.family import describe_families
+from frida_painter.strokes.palette import AnyColor, as_color
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system.devices import compiles_for
+from frida_painter.system.images import AnyPicture, as_picture, to_uint8
 
 # Marks: coverage maps of strokes with their places on the picture; the input of all renderers
 

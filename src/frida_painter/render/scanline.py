@@ -16,9 +16,9 @@ from torch import Tensor
 from torch.autograd.function import once_differentiable
 
 from frida_painter.brush.kinds import CoverageSpread
-from frida_painter.devices import array
 from frida_painter.render import kernels
 from frida_painter.render.kernels import Array, Spans, find_spans, painted_boxes, whole_maps
+from frida_painter.system.devices import array
 
 # Number of packed pixels in a batch, few enough for the cache.
 _BATCH = 2**18

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from torch import Tensor
 
-from frida_painter import images
-from frida_painter.sheet import INK, LINE, PAPER, SOFT, Color
+from frida_painter.system import images
+from frida_painter.system.sheet import INK, LINE, PAPER, SOFT, Color
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

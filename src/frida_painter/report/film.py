@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.errors import ImageError
-from frida_painter.video import RATE, VideoEncoder
+from frida_painter.system import images, storage
+from frida_painter.system.video import RATE, VideoEncoder
 
 Color = tuple[float, float, float]
 

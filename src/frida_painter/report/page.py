@@ -8,9 +8,9 @@ from pathlib import Path
 import jinja2
 from markupsafe import Markup
 
-from frida_painter import storage
 from frida_painter.report.sheets import sheet_file
 from frida_painter.report.story import Phase, Story
+from frida_painter.system import storage
 
 # Loss curve as inline SVG: no script, readable in light and dark mode, described for screen readers.
 

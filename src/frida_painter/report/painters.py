@@ -21,15 +21,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.easel.kinds import JOURNAL
-from frida_painter.event_log import EventLog
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import PersonStroke
-from frida_painter.palette import to_hex
 from frida_painter.perception.frame_check import find_painted
-from frida_painter.plan import Plan
 from frida_painter.render import render
 from frida_painter.session.events import (
     CanvasPicture,
@@ -40,6 +36,10 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.resuming import load_canvas
+from frida_painter.strokes.palette import to_hex
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images, storage
+from frida_painter.system.event_log import EventLog
 
 PAINTERS = "painters"
 """Stem of the files: a picture, a table and the data."""

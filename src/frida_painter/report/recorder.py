@@ -13,12 +13,10 @@ from typing import Any, Self
 import torch
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.easel.kinds import ARM_FILM
 from frida_painter.errors import ImageError, StorageError
 from frida_painter.mixing.recipe import PaintSet, Recipe
-from frida_painter.plan import Plan
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.registry import Later
@@ -29,12 +27,14 @@ from frida_painter.session import events
 from frida_painter.session.events import Event
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.progress import Painting
-from frida_painter.storage import count_of
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images, storage
+from frida_painter.system.storage import count_of
 
 # Results, which are written at the end.
-_plan_widths = Later("frida_painter.export.vector:plan_widths")
-_draw_svg = Later("frida_painter.export.vector:svg")
-_write_table = Later("frida_painter.export.vector:table")
+_plan_widths = Later("frida_painter.report.vector:plan_widths")
+_draw_svg = Later("frida_painter.report.vector:svg")
+_write_table = Later("frida_painter.report.vector:table")
 _write_page = Later("frida_painter.report.page:write_page")
 
 _RESULT = "result.json"

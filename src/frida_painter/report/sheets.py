@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import StorageError
 from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.robot import BrushRack, Point, Workspace
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import GOOD, REACHED, PaintSet, Recipe, volumes
-from frida_painter.palette import Palette, to_hex, to_lab
-from frida_painter.plan import Plan
 from frida_painter.report.story import PaintFacts, paints
-from frida_painter.sheet import A4, INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font, scale, shorten, to_bytes
+from frida_painter.strokes.palette import Palette, to_hex, to_lab
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
+from frida_painter.system.sheet import A4, INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font, scale, shorten, to_bytes
 
 # Figures: pictures side by side on one sheet, with headings, labels and captions.
 

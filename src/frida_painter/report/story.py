@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from frida_painter.mixing.recipe import Recipe
-from frida_painter.palette import to_hex, to_lab
-from frida_painter.plan import Plan
+from frida_painter.strokes.palette import to_hex, to_lab
+from frida_painter.strokes.plan import Plan
 
 
 @dataclass(frozen=True)

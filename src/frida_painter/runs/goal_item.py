@@ -10,10 +10,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.planning.fields import parse_field
+from frida_painter.system import storage
 
 MAX_CHARACTERS = 10_000
 _MAX_BYTES = 2**20

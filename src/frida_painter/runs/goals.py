@@ -8,7 +8,6 @@ from typing import cast
 from torch import Tensor
 
 from frida_painter.errors import ConfigError
-from frida_painter.images import AnyPicture, as_picture
 from frida_painter.objectives.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import (
     Gives,
@@ -25,6 +24,7 @@ from frida_painter.objectives.sketch import SketchTerm
 from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.word_settings import WordSettings
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system.images import AnyPicture, as_picture
 
 _MAX_TERMS = 20
 

@@ -15,18 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, picture_file, storage
 from frida_painter.brush.weights import load_models_of
 from frida_painter.calibration import Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, ImageError, StorageError
-from frida_painter.event_log import EventLog
 from frida_painter.perception.snapshot import Snapshot, find_corners, read_snapshot
 from frida_painter.session import resuming
 from frida_painter.session.events import Notify, Remark, StrokeLeftOut, StrokePainted, events_of, time_of
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.open_loop import bare_paper
+from frida_painter.system import images, picture_file, storage
+from frida_painter.system.event_log import EventLog
 
 if TYPE_CHECKING:
     from frida_painter.session.loop import PaintingSession

@@ -26,7 +26,6 @@ from typing import Any, Self
 
 from torch import Tensor
 
-from frida_painter import provenance, storage
 from frida_painter.brush.weights import weights_of
 from frida_painter.calibration import Calibration, WetPaint
 from frida_painter.easel.kinds import ARM_FILM, JOURNAL, SIMULATION_LOG
@@ -39,6 +38,7 @@ from frida_painter.runs.spec import FILES, RunSpec
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import PHOTOGRAPHS, Journal
 from frida_painter.session.progress import Painting
+from frida_painter.system import provenance, storage
 
 # Placement, touch heights and wet paint that a painting learned are kept in the calibration record for the next one.
 

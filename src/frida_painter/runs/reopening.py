@@ -6,10 +6,8 @@ from pathlib import Path
 
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.easel.kinds import SIMULATION_LOG
 from frida_painter.errors import ConfigError, FrameRejected
-from frida_painter.event_log import missing
 from frida_painter.planning.placement import Placement
 from frida_painter.report.sheets import doubt
 from frida_painter.runs.painting_folder import (
@@ -30,6 +28,8 @@ from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.progress import ResumeState
 from frida_painter.session.resuming import KeptPlan
+from frida_painter.system import images
+from frida_painter.system.event_log import missing
 
 
 @dataclass(frozen=True)

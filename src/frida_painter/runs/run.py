@@ -17,10 +17,8 @@ from typing import TYPE_CHECKING, Literal, Self, Unpack
 import torch
 from torch import Tensor
 
-from frida_painter import event_log, images, storage
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
-from frida_painter.devices import prepare_process
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, Question
 from frida_painter.easel.kinds import ARM_FILM, JOURNAL, SIMULATION_LOG, STOP_FILE, OpenEasel
@@ -38,11 +36,8 @@ from frida_painter.errors import (
     StorageError,
 )
 from frida_painter.hardware.easel import Easel
-from frida_painter.images import AnyPicture
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.palette import Palette
 from frida_painter.perception.color import read_palette
-from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
@@ -85,6 +80,11 @@ from frida_painter.session.observer import CanvasObserver, CanvasStart
 from frida_painter.session.open_loop import NOBODY_LOOKS
 from frida_painter.session.opening import on_record
 from frida_painter.session.progress import Painting
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import event_log, images, storage
+from frida_painter.system.devices import prepare_process
+from frida_painter.system.images import AnyPicture
 
 if TYPE_CHECKING:
     from frida_painter.runs.look_folder import GivenPicture

@@ -9,20 +9,17 @@ from typing import TYPE_CHECKING, Unpack
 import torch
 from torch import Tensor
 
-from frida_painter import images, registry
+from frida_painter import registry
 from frida_painter.brush.weights import AnyBrush
 from frida_painter.calibration import Calibration
 from frida_painter.easel.kinds import easel_kind
 from frida_painter.easel.operator import ground_recipe
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.images import AnyPicture
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import PaintSet
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.objective import Goal, Term
-from frida_painter.palette import to_hex
-from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.fields import AUTO, OF_SCENE, family_shares
 from frida_painter.planning.ground import ground_around_things, proposed_ground
 from frida_painter.planning.materials import Materials
@@ -37,6 +34,10 @@ from frida_painter.session.fold import PaintingState
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter.session.opening import planning_device
 from frida_painter.session.replan_policy import EvenlySpaced, NeverLooks, ReplanPolicy, parse_replan_policy
+from frida_painter.strokes.palette import to_hex
+from frida_painter.strokes.plan import WHITE, Plan
+from frida_painter.system import images
+from frida_painter.system.images import AnyPicture
 
 if TYPE_CHECKING:
     from frida_painter.runs.setting_types import Settings

@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, Unpac
 
 from pydantic import AfterValidator
 
-from frida_painter import registry, storage
+from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import HUMAN, NO_CAMERA, SAWYER_SIM, VIRTUAL, is_simulated
 from frida_painter.errors import ConfigError, ImageError
 from frida_painter.objectives import USUAL_FREEDOM
 from frida_painter.objectives.word_settings import USUAL, Beginning, WordSettings
-from frida_painter.palette_file import is_palette_file, read_colors
 from frida_painter.planning.fields import AUTO, NAMED_PAINTS, OF_SCENE, File, parse_field, rgb
 from frida_painter.planning.form_control import TENTHS, Control
 from frida_painter.planning.settings import (
@@ -32,6 +31,8 @@ from frida_painter.planning.settings import (
 )
 from frida_painter.runs.goal_item import InitialItems, Items
 from frida_painter.session.replan_policy import parse_replan_policy
+from frida_painter.strokes.palette_file import is_palette_file, read_colors
+from frida_painter.system import storage
 
 if TYPE_CHECKING:
     from frida_painter.runs.setting_types import Settings

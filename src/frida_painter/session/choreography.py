@@ -17,9 +17,9 @@ from frida_painter.errors import ConfigError
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Point, Waypoints
 from frida_painter.hardware.timing import AxisTiming, Timing
-from frida_painter.palette import to_lab
-from frida_painter.plan import Plan
 from frida_painter.session.events import Dipped, StrokePainted
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.plan import Plan
 
 _MILESTONES = 300
 _WASHINGS = 2  # rounds of rinse and wipe; the rest of one round shows only in a lighter paint

@@ -12,9 +12,9 @@ if TYPE_CHECKING:
     from torch import Tensor
 
     from frida_painter.easel.dialogue import Answer, Question
-    from frida_painter.palette import Palette
-    from frida_painter.plan import Plan
     from frida_painter.session.events import PauseCause, Paused
+    from frida_painter.strokes.palette import Palette
+    from frida_painter.strokes.plan import Plan
 
     Adapt = Callable[[Any], Plan | None]
     """Answer to a turn of a person (together.policies.TurnTaken): the strokes to paint instead of the rest, or None to

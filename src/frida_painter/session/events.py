@@ -30,8 +30,8 @@ from pydantic import Field, TypeAdapter
 if TYPE_CHECKING:
     from torch import Tensor
 
-    from frida_painter.plan import Plan
-    from frida_painter.strokes import Strokes
+    from frida_painter.strokes.plan import Plan
+    from frida_painter.strokes.strokes import Strokes
 else:  # the web process reads events, and loads neither torch nor the planner
     Tensor = Plan = Strokes = Any  # live fields are never read from a record
 

@@ -15,7 +15,6 @@ import torch
 
 from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
 from frida_painter.hardware.robot import PausableRobot
-from frida_painter.palette import Palette, to_hex
 from frida_painter.session.choreography import Action
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import (
@@ -35,6 +34,7 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import FrameDeveloper, Timelapse
 from frida_painter.session.progress import PaintingProgress
+from frida_painter.strokes.palette import Palette, to_hex
 
 # Interruptions of a painting: a stop or a pause by a person, a full disk, a camera that fails.
 

@@ -13,13 +13,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from frida_painter import storage
 from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import StorageError
 from frida_painter.session import events
 from frida_painter.session.events import Event, events_of, time_of
 from frida_painter.session.time_left import RemainingTime, measure_step
-from frida_painter.storage import count_of
+from frida_painter.system import storage
+from frida_painter.system.storage import count_of
 
 FORMAT = "frida-painter journal"
 VERSION = 3

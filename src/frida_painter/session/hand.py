@@ -16,13 +16,13 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints, Workspace
-from frida_painter.plan import Plan
 from frida_painter.planning.forecast import Fading
 from frida_painter.planning.placement import Placement
 from frida_painter.registry import Later
 from frida_painter.session.choreography import DRYING, Action, BrushLoad, Choreography, Looks, Timetable, reckon
 from frida_painter.session.events import Dipped, StrokeLeftOut, StrokePainted
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
 
 # Order of strokes: quick to paint, with a full brush for strokes that must not lack paint.
 #

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
@@ -24,9 +23,10 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import door_of
 from frida_painter.hardware.interlock import Interlock
 from frida_painter.hardware.robot import Camera, Frame, MotionReport, Point, Waypoints
-from frida_painter.palette import Palette, to_hex
 from frida_painter.perception.rectify import rectify
-from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet, font
+from frida_painter.strokes.palette import Palette, to_hex
+from frida_painter.system import images
+from frida_painter.system.sheet import CREAM, INK, LINE, SOFT, Sheet, font
 
 # Sheet for painting by hand: the next strokes, drawn on the last seen canvas.
 

@@ -17,13 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, locks, storage
 from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import StorageError
-from frida_painter.event_log import EventLog
 from frida_painter.hardware.robot import Frame
 from frida_painter.perception.flatfield import FlatField
-from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement, TouchHeights
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import (
@@ -39,6 +36,9 @@ from frida_painter.session.events import (
     time_of,
 )
 from frida_painter.session.fold import FORMAT, VERSION, PaintingState, require_journal
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images, locks, storage
+from frida_painter.system.event_log import EventLog
 
 PLAN = "plan.json"
 PHOTOGRAPHS = "photographs"

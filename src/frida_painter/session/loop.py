@@ -28,8 +28,6 @@ from torch import Tensor
 
 from frida_painter.calibration import WetPaint
 from frida_painter.errors import FridaError, Interrupted, PaintingPaused, RobotStopped
-from frida_painter.palette import to_hex
-from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.registry import Later
 from frida_painter.session.controls import Controls
@@ -49,6 +47,8 @@ from frida_painter.session.open_loop import ExpectedFrames, OpenLoopMonitor
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
 from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
 from frida_painter.session.replan_policy import ReplanPolicy
+from frida_painter.strokes.palette import to_hex
+from frida_painter.strokes.plan import WHITE, Plan
 
 
 @dataclass(frozen=True)

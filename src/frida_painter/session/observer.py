@@ -19,14 +19,14 @@ from frida_painter.errors import CameraError, ConfigError, FrameRejected, StaleF
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Camera, Frame
-from frida_painter.images import light_of_bytes, to_srgb
-from frida_painter.palette import to_lab
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import Color, FlatField, is_evenly, light_by_margin, share_unlike
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify, require_photograph, require_some_light, sampling_places
-from frida_painter.plan import WHITE
 from frida_painter.session.events import Notify, StrokePainted, TimelapseFrame
+from frida_painter.strokes.palette import to_lab
+from frida_painter.strokes.plan import WHITE
+from frida_painter.system.images import light_of_bytes, to_srgb
 
 # Start of a painting: on a bare canvas, on a toned one, or on a canvas with a painting.
 

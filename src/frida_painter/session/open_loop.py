@@ -12,12 +12,10 @@ from functools import partial
 import torch
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameRejected
 from frida_painter.frames import PixelGrid
-from frida_painter.plan import Plan
 from frida_painter.render.painting import render_on
 from frida_painter.session.events import Looked, Notify, StrokePainted, TimelapseFrame
 from frida_painter.session.executor import BatchExecutor, Desk
@@ -26,6 +24,8 @@ from frida_painter.session.observer import PHOTOGRAPH_ROWS, TIMELAPSE_ROWS, Canv
 from frida_painter.session.plan_keeper import PlanKeeper
 from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.replan_policy import CanvasSeen
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 
 NOBODY_LOOKS = (
     "No camera: nobody looks at the canvas. The plan is painted as it is, and every picture of the painting shows what "

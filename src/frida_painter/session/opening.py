@@ -6,13 +6,13 @@ from pathlib import Path
 
 import torch
 
-from frida_painter import storage
 from frida_painter.calibration import PROCEDURES, Calibration, Done
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.errors import CalibrationError, StorageError
 from frida_painter.hardware.easel import Easel
 from frida_painter.registry import is_installed
+from frida_painter.system import storage
 
 # Status of a calibration record: valid procedures, and procedures to repeat.
 

@@ -15,7 +15,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
-from frida_painter.plan import Plan
+from frida_painter.strokes.plan import Plan
 
 _STEP = 0.01  # metres between two waypoints; every waypoint is checked
 _SAMPLES = 17  # points on each stroke

@@ -19,9 +19,7 @@ from torch import Tensor
 from frida_painter.calibration import WetPaint
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CameraError, ConfigError, FrameDoubtful, PaintingPaused
-from frida_painter.palette import Palette
 from frida_painter.perception.flatfield import is_evenly
-from frida_painter.plan import Plan
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
@@ -33,7 +31,9 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, TOLERANCE, CanvasObserver, Timelapse
 from frida_painter.session.progress import difference
 from frida_painter.session.replan_policy import CanvasSeen, ReplanPolicy, looks_on_the_way
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
 
 _CLEAR = 0.004  # metres that the middle of a stroke keeps from a protected part
 _SAMPLES = 9  # points of a stroke that are tested

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field
 
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import PlanError
-from frida_painter.palette import Palette
 from frida_painter.perception.frame_check import Expected
-from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 
 
 @dataclass

@@ -14,8 +14,8 @@ from frida_painter.hardware.gateway import Fault, MotionLimits, Surface
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Point, Reach, Waypoints, Workspace
 from frida_painter.hardware.timing import TravelLimits
-from frida_painter.palette import MAX_COLORS
-from frida_painter.plan import Plan
+from frida_painter.strokes.palette import MAX_COLORS
+from frida_painter.strokes.plan import Plan
 
 # Desk: a workspace with only a canvas, for plotters and for people who hand out the paint.
 

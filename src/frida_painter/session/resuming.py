@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Question
@@ -22,7 +21,6 @@ from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected
 from frida_painter.perception.rectify import rectify
-from frida_painter.plan import Plan
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import Region, region_of
 from frida_painter.session.events import PlanAdopted
@@ -31,6 +29,8 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.journal import A_PHOTOGRAPH, PHOTOGRAPHS, PLAN
 from frida_painter.session.observer import PHOTOGRAPH_ROWS, CanvasObserver
 from frida_painter.session.open_loop import Models, bare_paper, paint_on_paper
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images, storage
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter.errors import StorageError
-from frida_painter.event_log import EventLog, LogPolicy
+from frida_painter.system.event_log import EventLog, LogPolicy
 
 Entry = Mapping[str, Any]
 # Function of an entry, and of `flush`: True if all entries so far must survive a power cut.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from torch import Tensor
 
-from frida_painter import images, registry
+from frida_painter import registry
 from frida_painter.calibration import BrushRecord, Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, StorageError
@@ -23,7 +23,8 @@ from frida_painter.hardware.easel import Easel, PersonBrush, PersonStroke
 from frida_painter.hardware.faults import NO_FAULTS, Faults, PlacementError
 from frida_painter.hardware.robot import Reach, Waypoints
 from frida_painter.hardware.timing import Timing
-from frida_painter.palette import Palette
+from frida_painter.strokes.palette import Palette
+from frida_painter.system import images
 from frida_painter.virtual.bristles import BristleBrush, Tuft, brush_names, find_brush
 from frida_painter.virtual.camera import CameraSpec, VirtualCamera
 from frida_painter.virtual.canvas import Canvas

@@ -14,7 +14,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.hardware.faults import Bump, Faults, PlacementError
 from frida_painter.hardware.robot import Point, Workspace
-from frida_painter.palette import MAX_COLORS
+from frida_painter.strokes.palette import MAX_COLORS
 from frida_painter.virtual.bristles import BristleBrush, Tuft
 from frida_painter.virtual.canvas import Canvas
 from frida_painter.virtual.paint import to_linear

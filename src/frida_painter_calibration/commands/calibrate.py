@@ -12,7 +12,8 @@ from frida_painter.brush import FEWEST_STROKES, MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError, Interrupted, RobotStopped, StorageError
 from frida_painter.hardware.latch import latches
-from frida_painter.options import (
+from frida_painter.registry import Later
+from frida_painter.runs.options import (
     BrushOption,
     CameraOption,
     PlacementErrorOption,
@@ -20,12 +21,11 @@ from frida_painter.options import (
     WorkspaceOption,
     whole_number_option,
 )
-from frida_painter.registry import Later
 
 if TYPE_CHECKING:
     from frida_painter.easel.dialogue import Answer, Question
 
-_check_parts = Later("frida_painter.plugins.conformance:check")
+_check_parts = Later("frida_painter_lab.conformance:check")
 
 
 class What(StrEnum):
@@ -117,9 +117,8 @@ def calibrate(
 
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.calibration import PROCEDURES
-    from frida_painter.cli.terminal import terminal_at
-    from frida_painter.devices import prepare_process
     from frida_painter.easel.connecting import connect_easel
+    from frida_painter.system.devices import prepare_process
     from frida_painter_calibration.calibrating import (
         CalibrationSetup,
         calibrate_one,
@@ -128,6 +127,7 @@ def calibrate(
         easel_spec,
         record_to_renew,
     )
+    from frida_painter_cli.terminal import terminal_at
 
     if what is not What.surface and (heights or marks or picture):
         raise ConfigError("--heights, --marks and --picture are for calibrate surface; leave them out.")
@@ -261,7 +261,7 @@ def parts(
 
     No device is connected to. The exit status is 1 if a part does not conform.
     """
-    from frida_painter.devices import prepare_process
+    from frida_painter.system.devices import prepare_process
 
     examples = {}
     for given in example or ():

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.options import BrushOption, out_folder
+from frida_painter.runs.options import BrushOption, out_folder
 
 if TYPE_CHECKING:
     from frida_painter_calibration.machine_setup import SetupEvent
@@ -56,10 +56,10 @@ def setup(
     are then traced in the air, and three strokes are painted. You can leave at any step; the same command
     continues. It writes a workspace, a calibration record, and a picture of both.
     """
-    from frida_painter.cli.terminal import GuidingKeys, terminal_at
-    from frida_painter.devices import prepare_process
     from frida_painter.hardware.preset import read_preset
+    from frida_painter.system.devices import prepare_process
     from frida_painter_calibration.machine_setup import SetupOrder, lead_setup
+    from frida_painter_cli.terminal import GuidingKeys, terminal_at
 
     if presets:
         _list_presets()

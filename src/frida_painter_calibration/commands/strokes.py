@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from frida_painter import registry, storage
+from frida_painter import registry
 from frida_painter.brush import (
     DEFAULT_MODEL,
     FIELD,
@@ -19,7 +19,8 @@ from frida_painter.brush import (
     PARAM2STROKE,
 )
 from frida_painter.errors import ConfigError
-from frida_painter.options import BrushOption, SeedOption, listing_option, out_file, whole_number_option
+from frida_painter.runs.options import BrushOption, SeedOption, listing_option, out_file, whole_number_option
+from frida_painter.system import storage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -63,7 +64,7 @@ def evaluate_model(
     """
     from frida_painter.brush.library import StrokeLibrary
     from frida_painter.brush.weights import load_stroke_model
-    from frida_painter.devices import prepare_process
+    from frida_painter.system.devices import prepare_process
     from frida_painter_calibration.teaching.evaluation import evaluate, likelihood
     from frida_painter_calibration.teaching.learned_pages import evaluation_page
 
@@ -160,7 +161,7 @@ def train(
     """
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.devices import prepare_process
+    from frida_painter.system.devices import prepare_process
     from frida_painter_calibration.teaching.learned_pages import training_page
 
     if out.suffix != ".safetensors" or out.is_dir():
@@ -246,9 +247,9 @@ def paint(
     Flawed strokes are marked and never used for training. The contact sheet beside the library shows
     all strokes. If the command was interrupted, run it again to continue.
     """
-    from frida_painter import images
     from frida_painter.brush.kinds import brush_kind
-    from frida_painter.devices import prepare_process
+    from frida_painter.system import images
+    from frida_painter.system.devices import prepare_process
     from frida_painter_calibration.procedures.strokes import contact_sheet, unfinished_folder
 
     kind = brush_kind(brush)
@@ -273,8 +274,8 @@ def inspect(
     ] = None,
 ) -> None:
     """Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes."""
-    from frida_painter import images
     from frida_painter.brush.library import Flaw, StrokeLibrary, judge
+    from frida_painter.system import images
     from frida_painter_calibration.procedures.strokes import contact_sheet
 
     strokes_seen = StrokeLibrary.load(library)

@@ -10,7 +10,7 @@ import typer
 
 from frida_painter.brush import FIELD, MAX_STROKES
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.options import BrushOption, SeedOption, WorkspaceOption, out_file, whole_number_option
+from frida_painter.runs.options import BrushOption, SeedOption, WorkspaceOption, out_file, whole_number_option
 from frida_painter_calibration.commands.strokes import learn_on, paint_library, work_bar
 
 if TYPE_CHECKING:
@@ -94,10 +94,10 @@ def teach(
     With --robot and --workspace, you guide the arm by hand: down to the canvas for each mark. It stays stopped
     afterwards, until you arm it.
     """
-    from frida_painter import images
     from frida_painter.brush.kinds import brush_kind
     from frida_painter.brush.library import StrokeLibrary
-    from frida_painter.devices import prepare_process
+    from frida_painter.system import images
+    from frida_painter.system.devices import prepare_process
     from frida_painter_calibration.teaching.families import write_family
     from frida_painter_calibration.teaching.learned_pages import family_sheet
     from frida_painter_calibration.teaching.marks import learn_family, read_marks

@@ -3,24 +3,24 @@
 from dataclasses import replace
 from pathlib import Path
 
-from frida_painter import storage
 from frida_painter.calibration import Corners
-from frida_painter.cli.leading import confirm, tell
-from frida_painter.cli.stop_signal import stop_on_signals
-from frida_painter.cli.terminal import terminal_at
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import lead
 from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.gateway import RobotGateway
-from frida_painter.plan import Plan
 from frida_painter.runs.look_folder import GivenPicture, LookFolder, check_picture, is_finished
 from frida_painter.runs.painting_folder import history_of, read_spec
 from frida_painter.runs.run import PaintingRun
 from frida_painter.session.opening import load_record
 from frida_painter.session.outline import plan_outlines, trace_outlines
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import storage
 from frida_painter_calibration.calibrating import easel_of, easel_spec
 from frida_painter_calibration.procedures.paper import ask_for_corners
+from frida_painter_cli.leading import confirm, tell
+from frida_painter_cli.stop_signal import stop_on_signals
+from frida_painter_cli.terminal import terminal_at
 
 # Work of `trace`: the outlines of canvas and painting, in the air.
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images
 from frida_painter.easel.dialogue import Answer, Confirm, Finding, Jog, JogMove, Measure, Procedure, Question
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import PixelGrid
@@ -22,9 +21,10 @@ from frida_painter.hardware.robot import Waypoints
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectify
-from frida_painter.plan import WHITE
 from frida_painter.report.chart import Series, chart
-from frida_painter.sheet import CREAM, Grid, Sheet, scale
+from frida_painter.strokes.plan import WHITE
+from frida_painter.system import images
+from frida_painter.system.sheet import CREAM, Grid, Sheet, scale
 from frida_painter_calibration.procedures.paper import (
     LENGTH,
     EaselAccess,

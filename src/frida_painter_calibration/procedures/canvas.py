@@ -12,10 +12,10 @@ from frida_painter.easel.dialogue import Finding, PointCorners, Procedure
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import Lens
 from frida_painter.hardware.easel import Easel
-from frida_painter.images import from_uint8
 from frida_painter.perception.flatfield import bare_canvas
 from frida_painter.perception.landmarks import Outline, find_canvas, trace_outline
-from frida_painter.sheet import CREAM, Grid, Sheet
+from frida_painter.system.images import from_uint8
+from frida_painter.system.sheet import CREAM, Grid, Sheet
 from frida_painter_calibration.procedures.paper import EaselAccess, require_four
 
 POINTING = 2.0

@@ -11,8 +11,6 @@ from frida_painter.easel.dialogue import Confirm, Finding, PointCorners, Procedu
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
-from frida_painter.images import from_uint8, to_linear, to_srgb
-from frida_painter.palette import difference
 from frida_painter.perception.color import (
     ACROSS,
     EDITIONS,
@@ -25,8 +23,10 @@ from frida_painter.perception.color import (
 )
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectified_pixels, rectify
-from frida_painter.plan import WHITE
-from frida_painter.sheet import CREAM, SOFT, Grid, Sheet, to_bytes
+from frida_painter.strokes.palette import difference
+from frida_painter.strokes.plan import WHITE
+from frida_painter.system.images import from_uint8, to_linear, to_srgb
+from frida_painter.system.sheet import CREAM, SOFT, Grid, Sheet, to_bytes
 from frida_painter_calibration.procedures.paper import EaselAccess, require_four
 
 WORST_MEAN = 3.0

@@ -26,17 +26,17 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Frame, Waypoints
-from frida_painter.images import from_uint8, to_linear, to_srgb
-from frida_painter.palette import Palette
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import pixels_per_metre, rectify
 from frida_painter.perception.registration import PaperEdge
 from frida_painter.perception.snapshot import find_corners
-from frida_painter.plan import WHITE
 from frida_painter.session.observer import Photographer
-from frida_painter.stroke_family import CODE_REACH, Taught
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.family import CODE_REACH, Taught
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import WHITE
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system.images import from_uint8, to_linear, to_srgb
 
 LENGTH = 0.012
 """Length of a short stroke, metres."""

@@ -9,7 +9,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Finding, Procedure
 from frida_painter.errors import CalibrationError
@@ -19,7 +18,8 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
 from frida_painter.perception.landmarks import Match, find_dots, match_dots
 from frida_painter.perception.rectify import apply, fit_homography, rectify
-from frida_painter.sheet import CREAM, Sheet
+from frida_painter.system import images
+from frida_painter.system.sheet import CREAM, Sheet
 from frida_painter_calibration.procedures.paper import EaselAccess, ask_for_paper, fill_with_black
 
 SIDE = 4

@@ -17,7 +17,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import storage, tensor_file
 from frida_painter.brush import MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.brush.kinds import BrushKind
 from frida_painter.brush.library import Flaw, StrokeLibrary, estimate_dip, judge, judge_marks
@@ -26,8 +25,9 @@ from frida_painter.easel.dialogue import Procedure
 from frida_painter.errors import CalibrationError, ConfigError, FrameRejected, LibraryError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
-from frida_painter.sheet import INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import storage, tensor_file
+from frida_painter.system.sheet import INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font
 from frida_painter_calibration.procedures.paper import (
     Crop,
     EaselAccess,

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from torch import Tensor
 
-from frida_painter import storage
 from frida_painter.calibration import MAX_LINES, MAX_UNEVENNESS, SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Confirm, Finding, Jog, JogMove, Procedure, Question
@@ -25,7 +24,8 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.gateway import RobotGateway
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Sense, TouchProbe, Waypoints
-from frida_painter.sheet import CREAM, INK, LINE, SOFT, Sheet
+from frida_painter.system import storage
+from frida_painter.system.sheet import CREAM, INK, LINE, SOFT, Sheet
 
 POINTS = 3
 """Default number of points along each side."""

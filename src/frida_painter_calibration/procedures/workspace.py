@@ -22,7 +22,7 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.preset import Layout
 from frida_painter.hardware.robot import Point, Sense, TouchProbe, Waypoints, ZeroedRobot
 from frida_painter.session.outline import plan_outlines
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
 from frida_painter_calibration.procedures.surface import HOW_IT_FEELS, JOGGING, feel, lower, surface
 
 TEST_STROKES = 3

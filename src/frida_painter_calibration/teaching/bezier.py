@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from frida_painter.brush.kinds import END_THICKNESS, BrushKind
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.frames import MapFrame
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.strokes import StrokeLimits
 
 _SEGMENTS = 24
 _MM = 1000.0

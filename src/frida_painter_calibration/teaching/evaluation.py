@@ -14,7 +14,7 @@ from frida_painter.brush.kinds import BrushKind, StrokeModel, growth_of, median_
 from frida_painter.brush.library import StrokeLibrary, clean, resample
 from frida_painter.errors import ConfigError, LibraryError
 from frida_painter.frames import MapFrame
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.strokes import StrokeLimits
 from frida_painter_calibration.teaching.families import FamilyField
 from frida_painter_calibration.teaching.param2stroke import Param2Stroke, train_param2stroke
 from frida_painter_calibration.teaching.training import (

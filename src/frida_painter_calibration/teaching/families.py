@@ -13,15 +13,16 @@ from typing import NamedTuple, Self
 import torch
 from torch import Tensor, nn
 
-from frida_painter import registry, tensor_file
+from frida_painter import registry
 from frida_painter.brush.field import ModelFile, StrokeField
 from frida_painter.brush.kinds import BrushKind, FamilyPart, StrokeModel, brush_kind, growth_of, mark_width
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import FamilyError, WeightsError
 from frida_painter.frames import MapFrame
-from frida_painter.storage import abridge
-from frida_painter.stroke_family import CODE_REACH, StrokeFamily
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.family import CODE_REACH, StrokeFamily
+from frida_painter.strokes.strokes import StrokeLimits
+from frida_painter.system import tensor_file
+from frida_painter.system.storage import abridge
 from frida_painter_calibration.teaching.bezier import RibbonShape
 
 FORMAT = "frida-painter family field"

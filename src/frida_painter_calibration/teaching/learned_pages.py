@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from PIL import Image
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.report.chart import Series, chart
 from frida_painter.report.page import template
-from frida_painter.sheet import INK, LINE, SOFT, Grid, Sheet
-from frida_painter.stroke_family import CODE_REACH, StrokeFamily
+from frida_painter.strokes.family import CODE_REACH, StrokeFamily
+from frida_painter.system import images
+from frida_painter.system.sheet import INK, LINE, SOFT, Grid, Sheet
 from frida_painter_calibration.teaching.evaluation import Learned
 from frida_painter_calibration.teaching.marks import TaughtMark, align_marks
 

@@ -20,9 +20,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from frida_painter import storage
 from frida_painter.errors import FamilyError
-from frida_painter.stroke_family import CODE_REACH, MAX_CODES, MAX_SIZE, MIN_SIZE, StrokeFamily, spline_matrix
+from frida_painter.strokes.family import CODE_REACH, MAX_CODES, MAX_SIZE, MIN_SIZE, StrokeFamily, spline_matrix
+from frida_painter.system import storage
 
 MIN_MARKS, MAX_MARKS = 10, 1000
 """Smallest and largest number of marks of a family."""

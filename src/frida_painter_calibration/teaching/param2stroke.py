@@ -13,7 +13,7 @@ from frida_painter.brush.field import ModelFile, StrokeField, write_model
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import squash, stretch_sigmoid
 from frida_painter.frames import MapFrame
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.strokes import StrokeLimits
 from frida_painter_calibration.teaching.training import (
     Hearing,
     TrainingReport,

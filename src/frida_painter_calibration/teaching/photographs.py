@@ -16,17 +16,17 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from frida_painter import images, storage
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import AnyCanvas, CanvasSize
 from frida_painter.errors import CalibrationError, FrameRejected, LibraryError
 from frida_painter.frames import PixelGrid
-from frida_painter.images import AnyPicture, as_picture, to_linear, to_srgb
-from frida_painter.palette import AnyColor, as_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectify
 from frida_painter.perception.snapshot import find_corners, list_turns
-from frida_painter.plan import WHITE
+from frida_painter.strokes.palette import AnyColor, as_color
+from frida_painter.strokes.plan import WHITE
+from frida_painter.system import images, storage
+from frida_painter.system.images import AnyPicture, as_picture, to_linear, to_srgb
 
 _COLUMNS = {
     "start_x_mm": (0.0, 3000.0, 1e-3),

@@ -25,7 +25,7 @@ from frida_painter.brush.library import StrokeLibrary
 from frida_painter.brush.table import squash, stretch_sigmoid
 from frida_painter.errors import LibraryError
 from frida_painter.frames import MapFrame
-from frida_painter.strokes import StrokeLimits
+from frida_painter.strokes.strokes import StrokeLimits
 
 VALIDATION_SHARE = 0.2
 

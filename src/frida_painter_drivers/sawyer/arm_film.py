@@ -21,11 +21,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter import video
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.hardware.robot import Workspace
-from frida_painter.video import RATE, VideoEncoder
+from frida_painter.system import video
+from frida_painter.system.video import RATE, VideoEncoder
 from frida_painter.virtual.paint import BANDS, to_srgb
 from frida_painter.virtual.robot import Course, Watcher
 from frida_painter.virtual.tabletop import Table

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from frida_painter.errors import ConfigError, TryFailed
-from frida_painter.options import out_folder, whole_number_within
+from frida_painter.runs.options import out_folder, whole_number_within
 from frida_painter_lab.sweeps.sweep_command import Jobs
 
 _DEFAULT_OUT = Path("benchmark")
@@ -85,7 +85,7 @@ def pictures(
     ] = None,
 ) -> None:
     """Write the pictures of the suite, and the canvas of each, for a system that is to be entered."""
-    from frida_painter import images
+    from frida_painter.system import images
     from frida_painter_lab.benchmark.suite import PICTURES, find_goal
     from frida_painter_lab.benchmark.table import INPUTS
 
@@ -132,7 +132,7 @@ def _paint_one(
     hand_ins: Mapping[str, str] | None = None,
 ) -> None:
     """Paints and judges one cell, and prints its figures."""
-    from frida_painter.devices import prepare_process
+    from frida_painter.system.devices import prepare_process
     from frida_painter_lab.benchmark.table import BenchmarkTable
     from frida_painter_lab.experiment import silent
 

@@ -18,11 +18,11 @@ from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import HandInError
 from frida_painter.mixing.recipe import PaintSet
-from frida_painter.palette import Palette
-from frida_painter.plan import Layer, Plan
 from frida_painter.planning.mixable import make_mixable
-from frida_painter.storage import count_of
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Layer, Plan
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
+from frida_painter.system.storage import count_of
 from frida_painter_lab.benchmark.hand_in import DrawnStroke, HandIn, Points, draw
 from frida_painter_lab.benchmark.suite import Budget
 from frida_painter_lab.soft_strokes import MarkSizes

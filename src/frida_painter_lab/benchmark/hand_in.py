@@ -26,9 +26,9 @@ from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, HandInError
-from frida_painter.images import from_uint8
-from frida_painter.palette import from_hex
-from frida_painter.plan import WHITE, Plan
+from frida_painter.strokes.palette import from_hex
+from frida_painter.strokes.plan import WHITE, Plan
+from frida_painter.system.images import from_uint8
 
 MAX_BYTES = 32 * 2**20
 MAX_STROKES = 20_000

@@ -15,16 +15,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.palette import Palette, to_lab
-from frida_painter.plan import WHITE, Plan
 from frida_painter.planning.initialize import best_proposals, uniform
 from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.optimize import Adam
 from frida_painter.render import render
 from frida_painter.runs.run import PaintingRun
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette, to_lab
+from frida_painter.strokes.plan import WHITE, Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 from frida_painter_lab.benchmark.fitting import PathPiece, assemble, find_brushes, fit_hand_in
 from frida_painter_lab.benchmark.hand_in import DrawnStroke, HandIn
 from frida_painter_lab.benchmark.suite import Budget

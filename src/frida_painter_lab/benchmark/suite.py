@@ -20,10 +20,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images, storage
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-from frida_painter.palette import from_lab, to_lab
+from frida_painter.strokes.palette import from_lab, to_lab
+from frida_painter.system import images, storage
 
 VERSION = "v1"
 SEEDS = (11, 12, 13, 14, 15)

@@ -19,8 +19,8 @@ import numpy as np
 from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import HandInError
-from frida_painter.plan import WHITE
-from frida_painter.storage import count_of
+from frida_painter.strokes.plan import WHITE
+from frida_painter.system.storage import count_of
 from frida_painter_lab.benchmark.hand_in import (
     MAX_POINTS,
     MAX_STROKES,

@@ -17,18 +17,19 @@ from typing import Any
 import numpy as np
 from torch import Tensor
 
-from frida_painter import images, storage, weights
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, HandInError
+from frida_painter.objectives import weights
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.convolutional import EfficientNetLite
 from frida_painter.objectives.encoders.loading import EncoderRegistry
-from frida_painter.plan import Plan
 from frida_painter.report.page import template
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Dipped, Event, Planned, PlanningStep, StrokePainted
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images, storage
 from frida_painter_lab.benchmark.fitting import fit_hand_in
 from frida_painter_lab.benchmark.hand_in import MAX_BYTES, TOLERANCE, HandIn, read_csv
 from frida_painter_lab.benchmark.rivals import GREEDY_BRUSHES, PLAIN_BRUSH, plan_greedy, plan_hertzmann, plan_plain

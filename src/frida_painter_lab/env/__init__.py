@@ -15,7 +15,7 @@ This file registers the environments, as gymnasium wants it of a package; it loa
 from typing import TYPE_CHECKING, Any
 
 from frida_painter import registry
-from frida_painter.python_process import prepare_forks
+from frida_painter.system.python_process import prepare_forks
 
 if TYPE_CHECKING:
     import gymnasium

@@ -21,7 +21,7 @@ from torch import Tensor
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import PlanError, StepRefused
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 
 NUMBERS = 7
 """Numbers of a stroke."""

@@ -20,16 +20,16 @@ from gymnasium.wrappers import TransformObservation
 from gymnasium.wrappers.vector import VectorizeTransformObservation
 from numpy.typing import NDArray
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.planning.placement import Placement, displace_strokes
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 from frida_painter_lab.env.actions import NUMBERS
 from frida_painter_lab.env.renderer_env import CanvasStack
 from frida_painter_lab.env.task import Observation, PaintingTask

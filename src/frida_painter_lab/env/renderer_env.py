@@ -17,12 +17,12 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.table import cached_table
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.errors import ConfigError, StepRefused
 from frida_painter.render.painting import composite, marks_of
-from frida_painter.strokes import Strokes
+from frida_painter.strokes.strokes import Strokes
+from frida_painter.system import images
 from frida_painter_lab.env.actions import require_action
 from frida_painter_lab.env.task import (
     Observation,

@@ -14,14 +14,14 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter import images
 from frida_painter.easel.order import EaselOrder, SimulationOrder
 from frida_painter.easel.virtual_easel import assemble_easel
 from frida_painter.errors import ConfigError, StepRefused
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.session.hand import Hand
 from frida_painter.session.observer import CanvasObserver, CanvasStart
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter_lab.env.actions import require_action
 from frida_painter_lab.env.task import Observation, PaintingTask, beside, open_judge, require_render_mode, require_seed

@@ -11,12 +11,12 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.palette import MAX_COLORS, Palette, from_hex
+from frida_painter.strokes.palette import MAX_COLORS, Palette, from_hex
+from frida_painter.system import images
 from frida_painter_lab import targets
 from frida_painter_lab.env.actions import NUMBERS, StrokeCode
 

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from frida_painter import images, registry, storage
+from frida_painter import registry
 from frida_painter.errors import ConfigError
 from frida_painter.report.chart import Series, chart
 from frida_painter.report.page import template
 from frida_painter.session.time_left import duration
+from frida_painter.system import images, storage
 from frida_painter_lab.runs import RunFolder, Value
 from frida_painter_lab.statistics import FieldEffect, Result, means, paired_tests
 from frida_painter_lab.sweeps.sweep_spec import TABLE, FileHashes, SweepFolder, SweepRun, SweepSpec, expand_runs

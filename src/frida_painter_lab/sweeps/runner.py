@@ -10,14 +10,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from frida_painter import images
 from frida_painter.errors import ConfigError, PlanError, WorkerUnfit
-from frida_painter.plan import Plan
-from frida_painter.provenance import describe_here, identify
 from frida_painter.runs.painting_folder import content_hash
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
 from frida_painter.runs.spec import RunSpec
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
+from frida_painter.system.provenance import describe_here, identify
 from frida_painter_lab.engine import TaskLimits, slots_here
 from frida_painter_lab.experiment import Notify, Share, do_shares, silent
 from frida_painter_lab.measures import mse, psnr

@@ -10,13 +10,13 @@ import typer
 from typer.core import TyperGroup
 
 from frida_painter.errors import Interrupted, TryFailed
-from frida_painter.options import out_folder, whole_number_within
-from frida_painter.storage import count_of
+from frida_painter.runs.options import out_folder, whole_number_within
+from frida_painter.system.storage import count_of
 from frida_painter_lab.commands import show_progress
 
 if TYPE_CHECKING:
-    from frida_painter.plan import Plan
     from frida_painter.runs.spec import RunSpec
+    from frida_painter.strokes.plan import Plan
 
 SweepFile = Annotated[
     Path, typer.Argument(metavar="FILE", help="A sweep file (TOML, docs/how-to/sweep.md).", show_default=False)
@@ -71,8 +71,8 @@ def run(file: SweepFile, out: Out = None, jobs: Jobs = None, yes: Yes = False) -
     Every run has a folder of its own. Run the same command again to continue after an interruption; what was done is
     not done again. A run that fails, hangs or is killed is tried again, then reported, and never stops the others.
     """
-    from frida_painter.cli.leading import confirm
     from frida_painter.session.time_left import duration
+    from frida_painter_cli.leading import confirm
     from frida_painter_lab.sweeps.runner import MANY, default_folder, sweep
     from frida_painter_lab.sweeps.sweep_spec import SweepSpec
 

@@ -23,13 +23,13 @@ from typing import Any, Literal, Self
 from filelock import Timeout
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from frida_painter import storage
 from frida_painter.errors import ConfigError, FridaError, StorageError, SweepBusy
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.planning.fields import brush_file
-from frida_painter.provenance import identify_here
 from frida_painter.runs.painting_folder import content_hash
 from frida_painter.runs.spec import FILES, RunSpec
+from frida_painter.system import storage
+from frida_painter.system.provenance import identify_here
 from frida_painter_lab.runs import LOCK, Run, Value, content_key, goal_facts, hold_lock, lock_of
 
 PLAN = "plan"

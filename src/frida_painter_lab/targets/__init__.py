@@ -7,8 +7,8 @@ from typing import Any, Self
 
 from torch import Tensor
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
+from frida_painter.system import images
 
 SHIPPED = ("astronaut", "cat", "coffee", "retina", "rocket")
 PHOTOGRAPHS = (*SHIPPED, "cameraman", "coins", "galaxies")

@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from frida_painter import python_process, storage
 from frida_painter.errors import ConfigError, MakingFailed
-from frida_painter.storage import megabytes
+from frida_painter.system import python_process, storage
+from frida_painter.system.storage import megabytes
 from frida_painter_words.picture_makers.making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
 
 _GLANCE = 0.05  # seconds between two looks at a program

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from frida_painter import registry
 from frida_painter.errors import ConfigError, MakingFailed, ProcessLost, WeightsError
-from frida_painter.weights.catalogue import find_weights
-from frida_painter.weights.pipeline_folder import (
+from frida_painter.objectives.weights.catalogue import find_weights
+from frida_painter.objectives.weights.pipeline_folder import (
     PipelineFolder,
     fetch_pipeline,
     find_pipeline,

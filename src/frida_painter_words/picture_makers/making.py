@@ -21,7 +21,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import images, registry, storage
+from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError, ImageError, Interrupted, MakingFailed, PluginError
 from frida_painter.frames import PixelGrid
@@ -30,7 +30,8 @@ from frida_painter.planning.problem import Region
 from frida_painter.runs.goal_item import MAKING, MAKING_FORMAT, MAKING_VERSION, GoalItem, name_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import planning_device
-from frida_painter.storage import count_of
+from frida_painter.system import images, storage
+from frida_painter.system.storage import count_of
 
 MAX_PICTURES = 16
 USUAL_PICTURES = 4

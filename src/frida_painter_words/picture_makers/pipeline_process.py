@@ -14,11 +14,11 @@ import numpy as np
 import torch
 from PIL import Image
 
-from frida_painter import images, storage
 from frida_painter.errors import MakingFailed
-from frida_painter.python_process import ProcessLimits, in_own_process
+from frida_painter.objectives.weights.pipeline_folder import USUAL_STEPS, PipelineFolder
 from frida_painter.registry import IMAGINE
-from frida_painter.weights.pipeline_folder import USUAL_STEPS, PipelineFolder
+from frida_painter.system import images, storage
+from frida_painter.system.python_process import ProcessLimits, in_own_process
 from frida_painter_words.picture_makers.making import MAX_BYTES, STRENGTH
 
 _STEP = 64  # pixels; sizes are multiples of it; for small networks, of an eighth of their usual size

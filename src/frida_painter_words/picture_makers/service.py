@@ -17,9 +17,9 @@ from queue import Empty, Queue
 from typing import IO, Any
 from urllib.parse import urlsplit
 
-from frida_painter import storage
 from frida_painter.errors import ConfigError, MakingFailed
-from frida_painter.transfer import TOO_SLOW, Transfer
+from frida_painter.system import storage
+from frida_painter.system.transfer import TOO_SLOW, Transfer
 from frida_painter_words.picture_makers.command import plain_line
 from frida_painter_words.picture_makers.making import MAX_BYTES, STRENGTH, PictureMakerKind, PictureRequest, make_each
 

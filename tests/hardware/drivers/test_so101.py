@@ -11,10 +11,10 @@ pytest.importorskip("mujoco")
 pytest.importorskip("mink")
 pytest.importorskip("scservo_sdk")
 
-from frida_painter.cli.plan_output import _tell_play
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError, RobotStopped
 from frida_painter.hardware.robot import LooseRobot, Reach, Waypoints
 from frida_painter.hardware.workcell import WorkcellConfig, example
+from frida_painter_cli.plan_output import _tell_play
 from frida_painter_drivers.so101 import LIMITS, PLAY, So101Kinematics, So101Robot
 from machines.arm_bench import so101_bus
 from machines.simulated_time import SimulatedTime

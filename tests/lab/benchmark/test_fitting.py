@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from frida_painter.brush.weights import load_stroke_model
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import HandInError
-from frida_painter.export.vector import plan_widths
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
 from frida_painter.render import render
+from frida_painter.report.vector import plan_widths
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
 from frida_painter_lab.benchmark.fitting import PathPiece, _bounds, _schedule, find_brushes, fit_hand_in
 from frida_painter_lab.benchmark.hand_in import DrawnStroke, HandIn
 from frida_painter_lab.benchmark.suite import Budget

@@ -5,13 +5,13 @@ import cv2
 import numpy as np
 import torch
 
-from frida_painter import images
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
 from frida_painter.runs.run import PaintingRun
+from frida_painter.system import images
 from frida_painter_lab.benchmark import rivals
 from frida_painter_lab.benchmark.suite import Budget
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 import torch
 
-from frida_painter import images
 from frida_painter.errors import ConfigError
 from frida_painter.runs.spec import RunSpec
+from frida_painter.system import images
 from frida_painter_lab.benchmark import suite
 from frida_painter_lab.benchmark.suite import BUDGETS, GOALS, PICTURES, find_budget, find_goal, suite_digest
 

@@ -6,10 +6,10 @@ import torch
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import HandInError
-from frida_painter.export.vector import control_points, svg
-from frida_painter.palette import Palette
-from frida_painter.plan import Plan
-from frida_painter.strokes import StrokeLimits, Strokes
+from frida_painter.report.vector import control_points, svg
+from frida_painter.strokes.palette import Palette
+from frida_painter.strokes.plan import Plan
+from frida_painter.strokes.strokes import StrokeLimits, Strokes
 from frida_painter_lab.benchmark import svg_strokes
 from frida_painter_lab.benchmark.svg_strokes import read_svg
 

@@ -11,9 +11,10 @@ import pytest
 import torch
 from scipy import stats
 
-from frida_painter import images, weights
-from frida_painter.cli import commands
 from frida_painter.errors import ConfigError
+from frida_painter.objectives import weights
+from frida_painter.system import images
+from frida_painter_cli import commands
 from frida_painter_lab.benchmark import table as tables
 from frida_painter_lab.benchmark.suite import Budget
 from frida_painter_lab.benchmark.table import (

@@ -13,9 +13,9 @@ from PIL import Image
 from scipy import stats
 
 import frida_painter as fp
-from frida_painter import images
 from frida_painter.errors import PlanError, TryFailed
 from frida_painter.runs.settle import ground_of
+from frida_painter.system import images
 from frida_painter_lab import experiment as carrier
 from frida_painter_lab import targets
 from frida_painter_lab.experiment import Share, silent

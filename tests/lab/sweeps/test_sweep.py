@@ -14,12 +14,12 @@ import torch
 from PIL import Image
 
 import frida_painter as fp
-from frida_painter import storage
-from frida_painter.cli import commands
 from frida_painter.errors import ConfigError, StorageError, SweepBusy, TryFailed, WorkerUnfit
-from frida_painter.plan import Plan
 from frida_painter.runs.painting_folder import content_hash
-from frida_painter.storage import PART
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import storage
+from frida_painter.system.storage import PART
+from frida_painter_cli import commands
 from frida_painter_lab import experiment as carrier
 from frida_painter_lab import targets
 from frida_painter_lab.experiment import Progress, Share

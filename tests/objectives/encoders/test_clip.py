@@ -12,9 +12,9 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter import images
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.encoders.clip import CLIP_MEAN, CLIP_SPREAD, Clip
+from frida_painter.system import images
 from tiny_clip import MAX_TOKENS, PATCH, SIDE, write_clip, write_siglip
 from tiny_weights import Trap, serving
 

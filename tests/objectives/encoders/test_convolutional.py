@@ -3,10 +3,11 @@ import torch
 from torch.nn import functional
 
 from downloads import fetched
-from frida_painter import images, weights
 from frida_painter.errors import WeightsError
+from frida_painter.objectives import weights
 from frida_painter.objectives.encoders.convolutional import EfficientNetLite, Hed, Vgg16
 from frida_painter.objectives.encoders.loading import EncoderRegistry
+from frida_painter.system import images
 from support.networks import random_hed_tensors, random_lite_tensors, random_vgg_tensors
 
 
@@ -137,7 +138,7 @@ def test_each_view_is_seen_for_itself_and_slopes_reach_it() -> None:
 def test_published_weights_recognise_photographs(variant: int, side: int) -> None:
     name = f"efficientnet-lite{variant}"
     fetched(name)
-    from frida_painter import images
+    from frida_painter.system import images
     from support import data
 
     espresso, cats = 967, range(281, 286)

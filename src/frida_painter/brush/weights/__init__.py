@@ -17,9 +17,9 @@ from frida_painter.brush.kinds import (
 )
 from frida_painter.brush.table import StrokeTable
 from frida_painter.errors import PluginError, WeightsError
-from frida_painter.plan import Plan
 from frida_painter.registry import Later
-from frida_painter.storage import abridge
+from frida_painter.strokes.plan import Plan
+from frida_painter.system.storage import abridge
 
 _FORMATS: dict[str, Callable[[ModelFile], StrokeModel]] = {
     FORMAT: StrokeField.restore,

@@ -16,11 +16,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import registry, storage, tensor_file
-from frida_painter.devices import Constant, half_precision
+from frida_painter import registry
 from frida_painter.errors import StorageError, WeightsError
-from frida_painter.weights.catalogue import state_dict
-from frida_painter.weights.hub_folder import (
+from frida_painter.objectives.weights.catalogue import state_dict
+from frida_painter.objectives.weights.hub_folder import (
     OPEN_CLIP,
     folder_of_file,
     hub_folder,
@@ -29,6 +28,8 @@ from frida_painter.weights.hub_folder import (
     missing_file,
     plain_name,
 )
+from frida_painter.system import storage, tensor_file
+from frida_painter.system.devices import Constant, half_precision
 
 # Layout of open_clip (Ilharco et al. 2021): its settings and tensors, told as `transformers` tells those of a CLIP
 

@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter.devices import Constant, half_precision
 from frida_painter.errors import WeightsError
+from frida_painter.system.devices import Constant, half_precision
 
 
 class _Weights(dict[str, Tensor]):

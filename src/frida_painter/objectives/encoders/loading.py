@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 
 Kept = TypeVar("Kept")
-_find_weights = Later("frida_painter.weights:find")
-_read_weights = Later("frida_painter.weights:tensors")
+_find_weights = Later("frida_painter.objectives.weights:find")
+_read_weights = Later("frida_painter.objectives.weights:tensors")
 GROUP = registry.ENCODERS
 """Group of entry points in which packages register their encoders."""
 _CLIPS = {"clip-vit-b-32": "CLIP ViT-B/32", "clip-vit-l-14": "CLIP ViT-L/14"}  # the first that is here is used

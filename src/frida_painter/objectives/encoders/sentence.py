@@ -17,8 +17,10 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter import registry, tensor_file, weights
+from frida_painter import registry
 from frida_painter.errors import StorageError, WeightsError
+from frida_painter.objectives import weights
+from frida_painter.system import tensor_file
 
 if TYPE_CHECKING:
     from tokenizers import Tokenizer

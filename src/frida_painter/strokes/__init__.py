@@ -1,0 +1,1 @@
+"""Strokes, their families, paints and order: the nouns of a plan."""

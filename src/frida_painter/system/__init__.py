@@ -1,0 +1,1 @@
+"""Files, pictures, processes and devices of this computer."""

@@ -1,0 +1,332 @@
+"""Commands that make and show paintings: paint, plan, render, resume."""
+
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from types import FunctionType
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from frida_painter import registry
+from frida_painter.easel.parent import EaselProcess
+from frida_painter.errors import ConfigError
+from frida_painter.runs.options import PaceOption, PictureOut, PlanFile, whole_number_within
+from frida_painter.runs.spec import OF_PAINTINGS
+from frida_painter_cli.imagining import imagine_beginning
+from frida_painter_cli.options import (
+    TAKEN,
+    AskOption,
+    BriefCommand,
+    FilledOption,
+    Photo,
+    ProposeOption,
+    planning_options,
+    require_person,
+    require_proposer,
+    spec_of,
+    taking,
+    tell_left_out,
+)
+
+if TYPE_CHECKING:
+    from frida_painter.runs.run import PaintingRun
+    from frida_painter.runs.spec import RunSpec
+
+
+_give_picture = registry.Later("frida_painter_calibration.commands.without_camera:give_picture")
+Candidates = Annotated[
+    int,
+    typer.Option(
+        "--candidates",
+        parser=whole_number_within(1, 1000),
+        metavar="N",
+        help="Make N plans with different seeds, in several processes, and paint the best one.",
+    ),
+]
+
+
+def paint(
+    *,
+    photo: Photo = None,
+    candidates: Candidates = 1,
+    ask: AskOption = False,
+    yes: FilledOption = False,
+    propose: ProposeOption = None,
+    **given: Any,
+) -> None:
+    """Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.
+
+    The virtual studio paints unless --robot names a robot arm, a plotter or a person (docs/how-to/machine.md).
+
+    --text paints a text prompt, --style uses the style of another picture, --semantic paints what a
+    picture shows, and --sketch follows the lines of a drawing. They can be combined (docs/how-to/several-goals.md).
+
+    The folder of the painting contains the painting, a timelapse film, the palette to mix, the strokes
+    and a page. Ctrl-C stops after the current stroke and keeps the work. A second Ctrl-C stops the robot
+    at once. A real robot then stays stopped until you run `frida-painter arm`.
+    """
+    started = time.monotonic()
+    spec = spec_of(photo, given)
+    require_person(spec, asked=not yes)
+    _require_canvas_for_two(spec, candidates, asked=not yes)
+    require_proposer(propose, together=spec.together)
+    spec = imagine_beginning(spec, given, asked=not yes, paints=True)
+    asked, chosen = not yes, None
+    if candidates != 1:  # the best of this number of seeds; it prints which one it is
+        spec, chosen = registry.parts(registry.PLAN_CHOOSERS)["candidates"].load(FunctionType)(spec, candidates)
+    with EaselProcess(spec.robot) as process:  # loads in parallel with this process
+        from frida_painter.runs.run import PaintingRun
+        from frida_painter.system.devices import prepare_process
+        from frida_painter_cli.leading import Leader, answer_early, ready_planner, say_films
+        from frida_painter_cli.stop_signal import stop_on_signals
+
+        prepare_process()
+        with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
+            say_films(run.spec)
+            run.load_easel(process)
+            ready_planner(run, stop, given["out"])
+            stop.at_once = run.open_easel(hear_signals=True, answer=answer_early(run) if asked else None).robot.stop
+            with Leader(run, stop, asked=asked, asks_for_paints=ask, started=started, propose=propose) as leader:
+                outcome = run.start(chosen)
+    leader.conclude(outcome)
+
+
+def _require_canvas_for_two(spec: "RunSpec", candidates: int, *, asked: bool) -> None:
+    """Raises ConfigError if a painting without a goal has nobody who can begin it."""
+    if not spec.together:
+        return
+    if spec.simulated:
+        raise ConfigError(
+            "--together waits for your strokes, and in the virtual studio you paint them on the page: run "
+            "frida-painter studio and choose No goal there, or name a robot with --robot."
+        )
+    if candidates != 1 or not asked:
+        option = "--candidates" if candidates != 1 else "--yes"
+        raise ConfigError(f"--together answers a person, and {option} is for paintings without one; leave out one.")
+
+
+def plan(*, photo: Photo = None, **given: Any) -> None:
+    """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
+    spec, out = imagine_beginning(spec_of(photo, given), given, asked=True, paints=False), given["out"]
+    from rich.console import Console
+
+    from frida_painter.errors import Interrupted
+    from frida_painter.planning.mixable import mixing_changes
+    from frida_painter.planning.optimize import Step
+    from frida_painter.report.sheets import palette_sheet, sheet_file
+    from frida_painter.runs.painting_folder import new_folder
+    from frida_painter.runs.run import PaintingRun
+    from frida_painter.system import images
+    from frida_painter.system.devices import prepare_process
+    from frida_painter_cli.leading import PLAN_ROOM, ready_planner, say
+    from frida_painter_cli.stop_signal import stop_on_signals
+    from frida_painter_cli.terminal import PlanningLine
+
+    prepare_process()
+    with stop_on_signals() as stop, PaintingRun(spec) as run:
+        expected = ready_planner(run, stop, out)
+        folder = new_folder(out, run.spec.name, PLAN_ROOM)
+        with PlanningLine(Console(stderr=True, highlight=False), expected) as bar:
+
+            def hear(step: Step) -> None:
+                bar.hear(step)
+                if stop.asked:
+                    raise Interrupted(
+                        "You stopped the planning, and nothing was saved. Run the command again to plan from the start."
+                    )
+
+            made = run.plan(hear)
+        bare = run.planner.bare
+        images.save(run.planner.expected(made, bare), folder / "plan.png")
+        forecast = run.planner.forecast(made, bare)
+        for layer, part in made.by_wells():
+            images.save(palette_sheet(part), folder / sheet_file("palette.png", layer))
+        run.plan_into(folder, made)  # the last, because its record holds the hashes of all files
+    say(
+        f"The plan:    {folder / 'plan.json'}",
+        f"As picture:  {folder / 'plan.png'}",
+        f"Palette:     {folder / 'palette.png'}",
+        *([f"Similarity:  {forecast}"] if forecast else []),
+        *(f"{what}: {words}" for what, words in mixing_changes(made).items()),
+    )
+
+
+def render(
+    plan: PlanFile,
+    height: Annotated[
+        int,
+        typer.Option(
+            parser=whole_number_within(16, 10_000),
+            metavar="PIXELS",
+            help="Height of the picture in pixels, from 16 to 10000.",
+        ),
+    ] = 1080,
+    out: PictureOut = Path("render.png"),
+) -> None:
+    """Render a plan as a picture of any size, with the stroke models of its brushes."""
+    from frida_painter.render.painting import render_plan
+    from frida_painter.strokes.plan import Plan
+    from frida_painter.system import images
+
+    loaded = Plan.load(plan)
+    picture = render_plan(loaded, height)
+    images.save(picture, out)
+    rows, columns = picture.shape[1:]
+    print(f"{len(loaded)} strokes at {columns} x {rows} pixels: {out}", file=sys.stdout)
+
+
+# Command that continues a painting that broke off, was stopped or has paused.
+
+Folder = Annotated[Path, typer.Argument(metavar="FOLDER", help="The folder of the painting.", show_default=False)]
+Repaint = Annotated[
+    bool | None,
+    typer.Option(
+        "--repaint/--skip", help="Repaint or skip the stroke that may already be painted. [dim]asks; skip with --yes[/]"
+    ),
+]
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask no questions. Skips a stroke in doubt.")]
+AcceptChanges = Annotated[
+    bool, typer.Option("--accept-changes", help="Continue although settings, pictures or the plan were changed.")
+]
+
+
+def resume(
+    folder: Folder,
+    repaint: Repaint = None,
+    yes: Yes = False,
+    accept_changes: AcceptChanges = False,
+    pace: PaceOption = 0.0,
+    propose: ProposeOption = None,
+) -> None:
+    """Continue a painting that was stopped, paused or killed, from its folder.
+
+    Shows the progress, photographs the canvas if there is a camera, asks about a stroke in doubt if there is
+    one, cleans the brush and paints the rest. Nothing moves before you confirm, or give --yes.
+    """
+    from frida_painter.errors import Interrupted
+    from frida_painter.runs.painting_folder import NOW, are_there, history_of
+    from frida_painter.runs.run import PaintingRun
+    from frida_painter.session.events import SessionResumed
+    from frida_painter.system.devices import prepare_process
+    from frida_painter_cli.leading import Leader, answer_early, confirm, ready_planner, say, tell
+    from frida_painter_cli.options import require_person
+    from frida_painter_cli.stop_signal import stop_on_signals
+
+    if (history := history_of(folder)).finished:
+        if are_there(folder, history.painted):
+            say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
+            return
+        say(f"This painting is finished: {history.painted} strokes. Its page and pictures are made again.")
+        prepare_process()
+        with PaintingRun.reopen(folder) as run:
+            tell(run.resume(), history.painted, history.seconds, watched=run.spec.has_camera or history.is_pictured)
+        return
+    started = time.monotonic()
+    prepare_process()
+    with ExitStack() as stack:
+        run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
+        require_person(run.spec, asked=not yes)
+        require_proposer(propose, together=run.spec.together)
+        _show(run)
+        if not (yes or confirm(f"{_next_motion(run.spec)} Go on?", default=True)):
+            raise Interrupted("Nothing was moved; the painting stays as it is.")
+        stop = stack.enter_context(stop_on_signals())
+        run.load_easel()  # loads in parallel with the planner
+        ready_planner(run, stop)
+        stop.at_once = run.open_easel(hear_signals=True, answer=None if yes else answer_early(run)).robot.stop
+        leader = stack.enter_context(
+            Leader(run, stop, asked=not yes, repaint=repaint, started=started, propose=propose)
+        )
+        found = "as it was found" if run.spec.has_camera else "as it should be"
+        at = f"The canvas {found}: {run.folder / NOW}"
+        run.listeners.append(lambda event: say(at) if isinstance(event, SessionResumed) else None)
+        outcome = run.resume()
+    leader.conclude(outcome)
+
+
+def watch(folder: Folder) -> None:
+    """Follow a painting that another terminal or the studio makes, until it ends or pauses for good.
+
+    Watching changes nothing; Ctrl-C ends it, and no other work.
+    """
+    from frida_painter_cli.leading import follow
+
+    follow(folder)
+
+
+def look(
+    folder: Folder,
+    picture: Annotated[
+        Path, typer.Argument(metavar="PICTURE", help="A picture of the whole canvas, also HEIC.", show_default=False)
+    ],
+    corners: Annotated[
+        str | None,
+        typer.Option(
+            "--corners",
+            metavar="X,Y ...",
+            help="The four corners of the canvas in the picture, in pixels, clockwise: column,row of each.",
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask whether the corners were found right.")] = False,
+) -> None:
+    """Give a picture of the canvas to a painting without a camera. It counts as a look.
+
+    Pause the painting, or take the picture while paint dries, so that the arm is aside. All four corners must be in
+    it. The painter takes the picture between two strokes and plans the rest again. Of a finished painting, the page
+    is made again with the picture. A picture of another canvas is refused.
+    """
+    from frida_painter.system.devices import prepare_process
+    from frida_painter_cli.terminal import parse_corners
+
+    pointed = None if corners is None else parse_corners(corners)
+    if corners is not None and pointed is None:
+        raise ConfigError(
+            f"--corners was given {corners[:60]!r}; it is column and row of four corners, like "
+            "'120,80 1400,95 1420,1010 100,1000'."
+        )
+    prepare_process()
+    _give_picture(folder, picture, pointed, ask=not yes and sys.stdin.isatty())
+
+
+def _next_motion(spec: "RunSpec") -> str:
+    """Returns a sentence about what happens first when a painting is resumed."""
+    if not spec.has_camera:
+        return (
+            "Nobody looks at the canvas (--camera none): put it exactly where it was. The arm will lift, clean its "
+            "brush and paint on."
+        )
+    first = "The canvas" if spec.by_hand else "The arm will lift and move aside, and the canvas"
+    return f"{first} will be photographed."
+
+
+def _show(run: "PaintingRun") -> None:
+    """Prints the progress of the painting."""
+    from frida_painter.session.time_left import duration
+    from frida_painter_cli.leading import say
+
+    history, spec = run.history, run.spec
+    assert history is not None
+    sittings = "one sitting" if history.runs == 1 else f"{history.runs} sittings"
+    say(
+        f"{spec.heading}: {history.painted} of {spec.strokes} strokes on a canvas of "
+        f"{spec.canvas}, painted in {sittings} of {duration(history.seconds)}."
+    )
+    if history.last is not None:
+        say(f"It broke off on {history.last.astimezone():%Y-%m-%d at %H:%M:%S}.")
+    if history.last_photograph is not None:
+        say(f"The last photograph is {run.folder / history.last_photograph}")
+    if history.in_doubt is not None:
+        say(f"Stroke {history.in_doubt} was begun, and nothing tells whether it was painted.")
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands; prints which kinds of goals of other packages cannot be used."""
+    tell_left_out(TAKEN)
+    app.command("paint", cls=BriefCommand)(taking(planning_options(OF_PAINTINGS), paint))
+    app.command("plan", cls=BriefCommand)(taking(planning_options(), plan))
+    app.command("render")(render)
+    app.command("resume")(resume)
+    app.command("watch")(watch)
+    app.command("look")(look)

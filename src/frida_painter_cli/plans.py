@@ -1,0 +1,302 @@
+"""Commands for plans and workspaces: mix, export, check, and workspace example and draw."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from frida_painter.errors import ConfigError
+from frida_painter.mixing import Finish
+from frida_painter.registry import Later
+from frida_painter.runs.options import (
+    CameraOption,
+    PictureOut,
+    PlanFile,
+    RobotOption,
+    WorkspaceOption,
+    any_number,
+    number_within,
+    out_file,
+    whole_number_within,
+)
+from frida_painter.system import storage
+from frida_painter.system.storage import count_of
+
+if TYPE_CHECKING:
+    from frida_painter.mixing.recipe import Recipe
+    from frida_painter.strokes.palette import Palette
+
+_Record = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration", metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"
+    ),
+]
+_trace_plan = Later("frida_painter_calibration.commands.without_camera:trace_plan")
+
+
+# Command for recipes of a palette from a person's own paints.
+
+
+def mix(
+    what: Annotated[
+        Path,
+        typer.Argument(
+            metavar="PLAN|PALETTE",
+            help="A plan.json, the folder of a painting, or a palette in any form that --palette of paint takes.",
+            show_default=False,
+        ),
+    ],
+    paints: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A file of the paints that you own (TOML). [dim]six common acrylics[/]"),
+    ] = None,
+    most: Annotated[
+        int,
+        typer.Option(parser=whole_number_within(1, 4), metavar="N", help="Maximum number of paints in one mixture."),
+    ] = 4,
+    finish: Annotated[
+        Finish | None,
+        typer.Option(
+            metavar="NAME",
+            help="The finish of the dry paint: matte, or gloss, which looks darker. [dim]that of the file of paints, "
+            "else gloss[/]",
+            show_default=False,
+        ),
+    ] = None,
+    out: PictureOut = Path("mixing.png"),
+) -> None:
+    """Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.
+
+    For a plan it also gives the amount of each paint, and the paints of each filling of the wells on their
+    own, with a sheet each (mixing-layer-2.png). Colours that your paints cannot reach are marked.
+    The recipes are also written as a sheet to print. docs/how-to/mix.md explains the file of your own paints.
+    """
+    from frida_painter.mixing.paint import usual_paints
+    from frida_painter.mixing.recipe import PaintSet
+    from frida_painter.report.sheets import mixing_sheet, sheet_file
+    from frida_painter.system import images
+    from frida_painter.system.devices import prepare_process
+
+    prepare_process()
+    owned = (PaintSet.of(paints) if paints else None) or PaintSet(usual_paints())
+    for layer, palette, wanted in _list_fillings(what):
+        of, sheet = ("", out) if layer == 1 else (f", layer {layer}", out.with_name(sheet_file(out.name, layer)))
+        found = replace(owned, finish=finish or owned.finish).mix(palette.color, most)
+        images.save(mixing_sheet(found, wanted, f"Mixing{of}"), sheet)
+        if of:
+            print(f"\nFill the wells anew before layer {layer}:")
+        _show(found, wanted)
+        print(f"The sheet: {sheet}")
+
+
+def _list_fillings(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
+    """Returns each filling of the wells: the number of its layer, from 1, its paints, and the amount of each paint.
+
+    Amounts are in millilitres; None without a plan.
+    """
+    from frida_painter.mixing.recipe import volumes
+    from frida_painter.perception.color import read_palette
+    from frida_painter.strokes.plan import Plan
+
+    is_plan = path.is_dir()
+    if not is_plan:
+        with storage.open_checked(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
+            is_plan = b'"frida-painter plan"' in file.read(200)
+    if is_plan:
+        plan = Plan.load(path)
+        return [(layer, part.palette, volumes(part).tolist()) for layer, part in plan.by_wells()]
+    return [(1, read_palette(path, None), None)]
+
+
+def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
+    from frida_painter.mixing.recipe import GOOD, REACHED
+    from frida_painter.strokes.palette import to_hex
+
+    table = Table("", "colour", "parts", "off", "", box=None, padding=(0, 2, 0, 0))
+    for number, recipe in enumerate(found, 1):
+        color = to_hex(recipe.target)
+        amount = f"{wanted[number - 1]:.0f} ml" if wanted else ""
+        mood = "red" if not recipe.within_reach else "yellow" if recipe.off > GOOD else "green"
+        off = f"[{mood}]{recipe.off:.1f}  {recipe.verdict}".rstrip() + "[/]"
+        table.add_row(f"[on {color}]    [/] {number}", color, recipe.words, off, amount)
+    console = Console(highlight=False, soft_wrap=True)
+    console.print(table)
+    missed = [str(number) for number, recipe in enumerate(found, 1) if not recipe.within_reach]
+    if missed:
+        console.print(
+            f"Out of reach of these paints (more than {REACHED:g} CIEDE2000 off): {', '.join(missed)}. "
+            "What stands there comes nearest; own more paints, or plan with what you can mix (--palette)."
+        )
+
+
+# Command that writes plans for other programs and for machines: export.
+
+
+def export(
+    plan: PlanFile,
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="KIND",
+            help="svg is for Inkscape and plotters, gcode for GRBL and Marlin machines, csv is a table, png a picture. "
+            "Your own packages can add kinds.",
+        ),
+    ] = "svg",
+    out: Annotated[
+        Path | None, typer.Option(parser=out_file, metavar="FILE", help="The file to write. [dim]strokes.KIND[/]")
+    ] = None,
+    regroup: Annotated[
+        bool,
+        typer.Option(
+            help="svg: exactly one layer per paint in each layer of the plan, even if a paint returns later. Changes "
+            "which strokes lie on top."
+        ),
+    ] = False,
+    dips: Annotated[
+        bool, typer.Option(help="svg: add a layer with a pause for every dip of the brush (AxiDraw).")
+    ] = False,
+    flavour: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="gcode: the dialect, grbl or marlin. [dim]grbl[/]", show_default=False),
+    ] = None,
+    press: Annotated[
+        float | None,
+        typer.Option(
+            parser=any_number, metavar="MM", help="gcode: depth of the hardest press in mm; 0 for a pen. [dim]2[/]"
+        ),
+    ] = None,
+    lift: Annotated[
+        float | None,
+        typer.Option(parser=any_number, metavar="MM", help="gcode: height of travel moves in mm. [dim]5[/]"),
+    ] = None,
+    workspace: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="gcode: the workspace file (TOML), for a machine that dips by itself."),
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="gcode, with --workspace: the easel's calibration record.")
+    ] = None,
+    drying: Annotated[
+        float | None,
+        typer.Option(
+            parser=number_within(0, 1440),
+            metavar="MINUTES",
+            help="gcode: how long a layer dries before the next one. [dim]as the painting's settings say, else 20[/]",
+        ),
+    ] = None,
+    own: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="gcode: lines of your own at start, end, lift, dips and changes (TOML)."),
+    ] = None,
+) -> None:
+    """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
+
+    SVG has one layer per paint, and names the brush where there are several. CSV has one row per stroke.
+    The zero of the G-code is the bottom-left corner of the canvas, and Z0 is the lightest touch. The machine
+    pauses (M0) at every dip of the brush. With --workspace, the zero is that of the workspace, and the machine
+    dips, rinses and wipes by itself.
+    """
+    from frida_painter.render.exporter import ExportOptions, export_plan, find_exporter
+    from frida_painter.strokes.plan import Plan
+
+    kind = find_exporter(to)
+    path = out or Path(f"strokes.{kind.name}")
+    if path.suffix.lower() != f".{kind.name}":
+        raise ConfigError(f"--out was given {str(path)!r}; with --to {kind.name} the file ends in .{kind.name}.")
+    options = ExportOptions(regroup, dips, flavour, press, lift, workspace, calibration, drying, own, source=plan)
+    loaded = Plan.load(plan)
+    export_plan(loaded, path, kind.name, options)
+    typer.echo(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
+
+
+def check(
+    plan: PlanFile,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The robot to check, as in paint --robot. [dim]any robot in the workspace, or virtual[/]",
+        ),
+    ] = None,
+    workspace: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="The workspace file of the easel (TOML). [dim]the virtual studio's own[/]"),
+    ] = None,
+    calibration: _Record = None,
+    camera: CameraOption = "",
+    out: PictureOut = Path("check.png"),
+) -> None:
+    """Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.
+
+    Every motion is checked: strokes, dips, rinses, wipes. A controller that answers is asked for its
+    speeds, accelerations and travel. If something cannot be done, it is told, a picture shows the
+    strokes in red, and the exit status is 1.
+    """
+    from frida_painter_cli.plan_output import check_plan
+
+    if not check_plan(plan, robot, workspace, calibration, out, camera):
+        raise typer.Exit(1)
+
+
+def trace(
+    robot: RobotOption,
+    plan: Annotated[
+        Path | None,
+        typer.Argument(metavar="[PLAN]", help="A plan.json, or the folder of a painting.", show_default=False),
+    ] = None,
+    workspace: WorkspaceOption = None,
+    calibration: _Record = None,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask before the robot moves. For scripts.")] = False,
+) -> None:
+    """Trace the outline of the canvas and of a plan in the air, without paint.
+
+    The tip goes round the canvas, from its bottom-left corner, and then round all strokes of the plan, at the
+    hover height of the workspace above the canvas. Watch whether it follows the edges. Every motion is checked
+    before anything moves. Ctrl-C ends it after the present side, and a second Ctrl-C stops the robot at once.
+    """
+    from frida_painter.system.devices import prepare_process
+
+    prepare_process()
+    if not _trace_plan(plan, robot, workspace, calibration, ask=not yes):
+        raise typer.Exit(1)
+
+
+def print_example() -> None:
+    """Print an example of a workspace file with comments. Save it as your own file and enter your measures."""
+    from frida_painter.hardware.workcell import example
+
+    print(example(), end="")
+
+
+def draw(
+    workspace: Annotated[Path, typer.Argument(metavar="FILE", help="A workspace file (TOML).", show_default=False)],
+    out: PictureOut = Path("workspace.png"),
+) -> None:
+    """Draw a workspace from above. Compare the drawing with your table."""
+    from frida_painter.hardware.workcell import WorkcellConfig
+    from frida_painter.report.sheets import workspace_plan
+    from frida_painter.system import images
+
+    workcell = WorkcellConfig.load(workspace)
+    images.save(workspace_plan(workcell.workspace, workcell.canvas, workcell.easel), out)
+    print(f"{workcell.easel}: {count_of(len(workcell.workspace.wells), 'well')}, canvas of {workcell.canvas}: {out}")
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.command("mix")(mix)
+    app.command("export")(export)
+    app.command("check")(check)
+    app.command("trace")(trace)
+    group = typer.Typer(
+        no_args_is_help=True,
+        help="Describe the workspace of a robot: where canvas, wells, water and rag stand, in metres.",
+    )
+    group.command("example")(print_example)
+    group.command("draw")(draw)
+    app.add_typer(group, name="workspace")
