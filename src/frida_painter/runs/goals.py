@@ -8,7 +8,6 @@ from typing import cast
 from torch import Tensor
 
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.image import ImageTerm, PictureTerm
 from frida_painter.objectives.objective import (
     Gives,
     Goal,
@@ -19,20 +18,16 @@ from frida_painter.objectives.objective import (
     goal_kinds,
     require_weight,
 )
-from frida_painter.objectives.semantic import SemanticTerm
-from frida_painter.objectives.sketch import SketchTerm
-from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.word_settings import WordSettings
+from frida_painter.registry import Later
 from frida_painter.runs.spec import RunSpec
 from frida_painter.system.images import AnyPicture, as_picture
 
 _MAX_TERMS = 20
 
-OF_PICTURES: dict[str, type[PictureTerm]] = {
-    "image": ImageTerm,
-    "semantic": SemanticTerm,
-    "sketch": SketchTerm,
-    "style": StyleTerm,
+OF_PICTURES = {
+    name: Later(f"frida_painter.objectives.{name}:{name.title()}Term")
+    for name in ("image", "semantic", "sketch", "style")
 }
 """Goals that are one picture, by their names."""
 _OBJECTIVE = "objective"
@@ -171,4 +166,5 @@ def _term(kind: str, one: AnyPicture, weight: float) -> Term:
     if kind not in OF_PICTURES:
         wanted = "words" if known.gives is Gives.WORDS else "the file of a picture"
         raise ConfigError(f"A {type(one).__name__} was given to {kind}, which takes {wanted}; give that.")
-    return OF_PICTURES[kind](as_picture(one).float(), weight)
+    opened: Term = OF_PICTURES[kind](as_picture(one).float(), weight)
+    return opened

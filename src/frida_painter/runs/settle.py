@@ -319,6 +319,10 @@ def make_planner(
 
 def _describe_terms(terms: Sequence[Term]) -> list[dict[str, object]]:
     """Returns terms in the form of a description, without pictures; the defaults depend only on their kinds."""
-    names: dict[type[Term], str] = {term: name for name, term in OF_PICTURES.items()}
-    kinds = [(term, names.get(type(term), None if term.words is None else "text")) for term in terms]
+    names = {term.target: name for name, term in OF_PICTURES.items()}
+    places = [f"{type(term).__module__}:{type(term).__name__}" for term in terms]
+    kinds = [
+        (term, names.get(place, None if term.words is None else "text"))
+        for term, place in zip(terms, places, strict=True)
+    ]
     return [{kind: term.words or "given as a picture"} for term, kind in kinds if kind is not None]
