@@ -75,6 +75,7 @@ class Leader:
         self._console = Console(stderr=True, highlight=False)
         self._bar = PaintingLine(self._console, lambda: run.painting)
         self._stack = ExitStack()
+        self._over = threading.Event()
         wells = Wells(run.mixed, input if asks_for_paints else None, run.folder, poured=not run.easel.simulated)
         run.listeners.append(self._bar.hear)
         run.controls = replace(
@@ -98,6 +99,7 @@ class Leader:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self._over.set()
         self._bar.__exit__(kind, error, trace)
 
     def conclude(self, outcome: RunOutcome) -> None:
@@ -112,7 +114,8 @@ class Leader:
     def _await_page(self, since: float) -> None:
         """Loads who does the commands of a page, once there is an inbox; a command is good for seconds only."""
         while not storage.exists(self._run.folder / INBOX):
-            time.sleep(_GLANCE)
+            if self._over.wait(_GLANCE):
+                return
         self._conductor = _lead_from_pages(self._run, self._is_stopped, self._heed, since, self._is_let_go_on)
 
     def _is_stopped(self) -> bool:
@@ -262,12 +265,12 @@ def say(*lines: str) -> None:
         print(line)
 
 
-def confirm(question: str, *, default: bool, ask: Callable[[str], str] = input) -> bool:
+def confirm(question: str, *, default: bool, ask: Callable[[str], str] | None = None) -> bool:
     """Asks at the terminal until the answer is yes, no or empty. Raises Interrupted if nobody answers."""
     choice = "[Y/n]" if default else "[y/N]"
     while True:
         try:
-            answer = ask(f"{question} {choice} ").strip().lower()
+            answer = (ask or input)(f"{question} {choice} ").strip().lower()
         except (EOFError, KeyboardInterrupt) as end:
             raise Interrupted("Nobody answered, and nothing was painted; for scripts there is --yes.") from end
         if answer in ("", "y", "yes", "n", "no"):

@@ -96,20 +96,20 @@ class Told:
         self.id, self.folder = entry.id, entry.folder
         shown = pictures or {}
         plan, live, painting = self.folder.path / "plans/1", self.folder.painting / LIVE, self.folder.painting
-        for folder in (plan, live, painting / "regions"):
+        begun = PaintingBegun in map(type, told)
+        for folder in (plan, *((live, painting / "regions", painting / "sketchbook") if begun else ())):
             folder.mkdir(parents=True)
         (plan / "plan.json").write_text("{}")
         canvas = shown.get("canvas", Image.new("RGB", (120, 90), (250, 250, 250)))
         for name in ("plan", "after-0", "after-40"):
             shown.get("plan", Image.new("RGB", (120, 90), (30, 200, 90))).save(plan / f"{name}.jpg")
-        if PaintingBegun in map(type, told):
-            (painting / "sketchbook").mkdir()
+        if begun:
             for name in ("painting/look", "painting/sketchbook/glimpse-000003", "painting/live/plan-1-plan"):
                 canvas.save(self.folder.path / f"{name}.jpg")
             shown.get("canvas", Image.new("RGB", (120, 90), (250, 0, 250))).save(painting / "painting.png")
-        Image.new("L", (120, 90), 255).save(painting / "regions" / "region-1.png")
+            Image.new("L", (120, 90), 255).save(painting / "regions" / "region-1.png")
         paths = {"height": 750, "paths": [[[100, 100], [300, 300]]] * 40, "widths": [40] * 40, "paint": [0, 1] * 20}
-        for strokes in (plan / "strokes.json", live / "plan-1-strokes.json"):
+        for strokes in (plan / "strokes.json", *([live / "plan-1-strokes.json"] if begun else [])):
             strokes.write_text(json.dumps(paths))
         self._feed = self._log = EventLog(self.folder.feed, FEED)
         self._clock = datetime.now(UTC)

@@ -357,9 +357,9 @@ def test_a_person_paints_asks_for_a_boat_and_what_they_painted_outlives_a_killed
         sees(page, "8 strokes are on the canvas", patience=LONG)
         keep(page, "by-words-painted")
     journal = list(EventLog.read(folder / "painting/journal"))
-    kinds = [entry["kind"] for entry in journal]
-    made, changed, resumed = (kinds.index(kind) for kind in ("pictures_made", "goal_changed", "session_resumed"))
-    assert kinds.index("region_protected") < made < resumed < changed
+    kinds = [entry["result"]["kind"] if entry["kind"] == "command_done" else entry["kind"] for entry in journal]
+    made, changed, resumed = (kinds.index(kind) for kind in ("pictures", "goal", "session_resumed"))
+    assert kinds.index("region") < made < resumed < changed
     laid = [
         entry["stroke"] for entry in EventLog.read(folder / "painting/studio.diary") if entry.get("did") == "person"
     ]

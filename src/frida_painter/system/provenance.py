@@ -28,7 +28,7 @@ def describe_here(device: str = "cpu") -> dict[str, str]:
 
     device: type of the device that plans
     """
-    home = Path(__file__).parent
+    home = Path(__file__).parents[1]
     return {
         PROGRAM: version(PROGRAM),
         "code": " ".join(hash_code(package) for package in (home, *sorted(home.parent.glob("frida_painter_*")))),

@@ -38,7 +38,7 @@ from frida_painter.system.messages import Arrays, Wire, decode_error, encode_err
 P = ParamSpec("P")
 R = TypeVar("R")
 
-_HOME = Path(__file__).parents[1]
+_HOME = Path(__file__).parents[2]
 _FOLDERS = (
     *("PYTHONPATH", "PYTHONHOME", "PYTHONUSERBASE", "PYTHONPYCACHEPREFIX", "NUMBA_CACHE_DIR", "TRITON_CACHE_DIR"),
     *("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PATH"),

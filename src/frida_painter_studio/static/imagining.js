@@ -96,7 +96,7 @@ export function pictureMaking(house, wish, chosen) {
       const mine = state?.words === words && words !== "";
       const pictures = picturesOf(state?.makings ?? [], words);
       bar.hidden = !(works && mine);
-      go.disabled = !words || works;
+      go.disabled = !words || (works && !asking && (state?.version ?? 0) >= awaited); // else it would lose the focus that Stop takes
       go.textContent = pictures.length ? "Make others, with another seed" : "Make pictures from this text";
       const wanted = works && mine ? [stop] : [go, names];
       if (ask.firstChild !== wanted[0]) show(ask, wanted);
