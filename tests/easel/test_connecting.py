@@ -196,6 +196,16 @@ def test_a_jog_is_short_and_stays_in_the_workspace_once_the_zero_is_known() -> N
         plain.set_zero(CORNER)
 
 
+def test_a_robot_that_keeps_a_timing_of_its_own_is_asked_for_none() -> None:
+    class Keeping(NotingRobot):
+        timing = AxisTiming((0.1,) * 3, (0.01,) * 3, deviation=1e-5)
+
+    here = Waypoints("here", np.array([[0.0, 0.0, 0.3]]), 0.1)
+    guard = GuardedRobot(Keeping(motions=[here]), MotionLimits(WORKSPACE), Unlatched("the easel"))
+    guard.connect()
+    assert guard.timing() is None
+
+
 def test_speeds_that_the_machine_cannot_do_are_told_before_anything_moves() -> None:
     limits = AxisTiming((0.5 / 60,) * 3, (0.01,) * 3, deviation=1e-5)
     robot = ForgetfulRobot(lost="", off=np.zeros(3), limits=limits)

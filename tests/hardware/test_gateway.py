@@ -10,7 +10,7 @@ import pytest
 
 from frida_painter.easel.guard import GuardedRobot
 from frida_painter.errors import PoseMismatch, RobotDisconnected, WorkspaceViolation
-from frida_painter.hardware.gateway import MotionLimits, RobotGateway, Surface
+from frida_painter.hardware.gateway import Door, MotionLimits, RobotGateway, Surface
 from frida_painter.hardware.latch import Latch
 from frida_painter.hardware.robot import ArmLength, MotionReport, Waypoints
 from frida_painter.hardware.timing import TravelLimits
@@ -144,6 +144,27 @@ def test_a_brush_that_touches_lower_may_go_as_much_lower_and_no_more() -> None:
     gate.follow_touch(-0.001)
     gate.perform([motion("hardest press", CALIBRATION.press_height)])
     assert robot.labels() == ["lower", "hardest press"]
+
+
+def test_what_a_door_allowed_is_checked_anew_when_a_limit_changes() -> None:
+    door = Door(MotionLimits(WORKSPACE, SURFACE))
+    deep, stated = motion("trial", 0.08), replace(SURFACE, press_height=0.08)
+    for change in (
+        lambda: door.learn_travel(None),
+        lambda: door.allow((), WORKSPACE, SURFACE),
+        lambda: door.allow((), replace(WORKSPACE, upper=(0.3, 0.3, 0.2)), stated),
+    ):
+        door.allow((deep,), WORKSPACE, stated)
+        door.require_allowed(replace(deep, label="by another name"))
+        for other in (replace(deep, speed=0.05), motion("trial", 0.0799)):
+            with pytest.raises(WorkspaceViolation, match="over the canvas"):
+                door.require_allowed(other)
+        change()
+        with pytest.raises(WorkspaceViolation, match="over the canvas"):
+            door.require_allowed(deep)
+    door.learn_travel(TravelLimits((-1.0, -1.0, 0.1), (1.0, 1.0, 1.0)))
+    with pytest.raises(WorkspaceViolation, match="the machine's own limits"):
+        door.allow((deep,), WORKSPACE, stated)
 
 
 def test_whoever_finds_the_hardest_press_names_another_lowest_height() -> None:

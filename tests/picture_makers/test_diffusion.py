@@ -20,7 +20,7 @@ import pytest
 import torch
 from safetensors.torch import load_file, save_file
 
-from frida_painter.errors import ConfigError, Interrupted, MakingFailed
+from frida_painter.errors import ConfigError, Interrupted, MakingFailed, StorageError
 from frida_painter.objectives.weights.pipeline_folder import PipelineFolder
 from frida_painter.runs.spec import RunSpec
 from frida_painter.system import images
@@ -249,7 +249,16 @@ def test_a_pipeline_that_fails_is_one_sentence(tmp_path: Path, write: Callable[[
     assert says in str(told.value) and "\n" not in str(told.value) and not (tmp_path / "made").exists()
 
 
-def test_pictures_beside_one_of_nan_and_before_a_failure_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("failure", "says"),
+    [
+        (RuntimeError("no memory is left"), "failed (RuntimeError: no memory is left); name another"),
+        (StorageError("The disk is full."), "The disk is full."),
+    ],
+)
+def test_pictures_beside_one_of_nan_and_before_a_failure_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failure: Exception, says: str
+) -> None:
     class Pipeline:
         """Makes one picture of NaN and breaks at the fourth."""
 
@@ -258,7 +267,7 @@ def test_pictures_beside_one_of_nan_and_before_a_failure_stay(tmp_path: Path, mo
         def __call__(self, prompt: str, width: int, height: int) -> SimpleNamespace:
             self.count += 1
             if self.count == 4:
-                raise RuntimeError("no memory is left")
+                raise failure
             return SimpleNamespace(images=[np.full((height, width, 3), np.nan if self.count == 2 else 0.5)])
 
     monkeypatch.setattr(pipeline_process, "_load", lambda task, device, tell: Pipeline())
@@ -267,9 +276,7 @@ def test_pictures_beside_one_of_nan_and_before_a_failure_stay(tmp_path: Path, mo
     first, second, third, fourth = maker.make(ask(tmp_path / "a", seeds=(7, 8, 9, 10)))
     assert isinstance(first, Path) and isinstance(third, Path) and images.load(third).shape == (3, 384, 512)
     assert str(second) == "Picture 2 of net holds values that are no numbers (NaN); name another."
-    assert (
-        "failed (RuntimeError: no memory is left); name another" in str(fourth) and maker.facts["size"] == "512 x 384"
-    )
+    assert says in str(fourth) and maker.facts["size"] == "512 x 384"
 
 
 @pytest.mark.parametrize(

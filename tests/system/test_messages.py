@@ -1,5 +1,7 @@
+import fcntl
 import json
 import math
+import resource
 import socket
 import struct
 import threading
@@ -55,6 +57,20 @@ def test_what_is_sent_is_what_comes(said: dict, sent: dict) -> None:
         came = received[name]
         assert type(came) is type(array) and bytes(came) == bytes(array)
         assert isinstance(array, bytes) or (came.dtype, came.shape) == (array.dtype, array.shape)
+
+
+def test_a_server_with_many_open_files_waits_as_well(ends: tuple[Wire, socket.socket]) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+    try:
+        with socket.socket(fileno=fcntl.fcntl(ends[1], fcntl.F_DUPFD_CLOEXEC, 1024)) as high:
+            assert not Wire(high).waits(0)
+            ends[0].send({"n": 1})
+            assert Wire(high).waits(0) and Wire(high).receive(1)[0] == {"n": 1}
+            ends[0].close()
+            assert Wire(high).waits(1), "of its end, too"
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 def test_a_photograph_larger_than_any_buffer_comes_whole(ends: tuple[Wire, socket.socket]) -> None:

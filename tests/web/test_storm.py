@@ -59,8 +59,8 @@ class Guard:
             return file.startswith("<") and not file.startswith("<frozen")
         if event == "compile":
             return str(what[1]).startswith("<")
-        decoding = python_process.command("-m", "frida_painter_studio.reader", "picture")
-        if event == "subprocess.Popen" and what[1] == decoding:
+        decoding = python_process.command("-m", python_process.__name__, "frida_painter_studio.reader:decode_upload")
+        if event == "subprocess.Popen" and what[1][:-1] == decoding:
             return False  # every picture is decoded in a process of its own
         if event == "socket.connect" and isinstance(what[1], str):
             return not what[1].endswith("/the-store/.stop")  # the listener for stops

@@ -356,7 +356,7 @@ class GuardedRobot:
     def _ask(self, method: str, *given: Any) -> Any:
         """Returns the driver's answer to a question that moves nothing; None if it has no such method."""
         act = getattr(self.robot, method, None)
-        return None if act is None else self._call(method.replace("_", " "), lambda: act(*given), self._grace)
+        return self._call(method.replace("_", " "), lambda: act(*given), self._grace) if callable(act) else None
 
     def _call(self, label: str, act: Callable[[], T], within: float) -> T:
         """Returns the driver's result; an exception or a delay becomes a FridaError."""

@@ -193,7 +193,7 @@ def door_of(easel: Easel) -> CheckedRobot:
 
 
 _ARRIVED = 0.002
-_AT_ONCE = 256  # motions in one question to the door
+_AT_ONCE = 32  # motions in one question to the door; an arm's reach may take milliseconds for each place of each
 
 
 class RobotGateway:

@@ -32,7 +32,7 @@ Arrays = dict[str, "NDArray[Any] | bytes"]
 _LENGTHS = struct.Struct("<II")  # of the object and of the arrays' bytes
 _MAX_WORDS = 2**20
 _MAX_BYTES = 2**28
-_ARRAY_KINDS = ("|b1", "|u1", "<f4", "<f8")
+_KINDS = ("bytes", "|b1", "|u1", "<f4", "<f8")
 
 
 class Wire:
@@ -81,9 +81,10 @@ class Wire:
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             raise ProcessLost(f"What came over the link is no message ({error}).") from error
 
-    def waits(self, seconds: float | None) -> bool:
-        """Returns True if a message came, or the other end closed, within `seconds`; None waits for it."""
-        return bool(select.select([self._socket], [], [], seconds)[0])
+    def waits(self, seconds: float) -> bool:
+        """Returns True if a message came, or the other end closed, within `seconds`."""
+        (watched := select.poll()).register(self._socket, select.POLLIN)  # takes files above 1023, unlike select
+        return bool(watched.poll(1000 * seconds))
 
     def close(self) -> None:
         """Closes this end; the other end notices it."""
@@ -116,12 +117,12 @@ def _cut(kinds: Mapping[str, Any], body: bytearray) -> Arrays:
     arrays: Arrays = {}
     start = 0
     for name, (kind, shape) in kinds.items():
-        if not all(isinstance(side, int) and 0 <= side <= _MAX_BYTES for side in shape):
-            raise ValueError(f"array {name} of shape {shape}")
+        if kind not in _KINDS or not all(isinstance(side, int) and 0 <= side <= _MAX_BYTES for side in shape):
+            raise ValueError(f"array {name} of {kind} and shape {shape}")
         if kind == "bytes":
             end = start + sum(shape)
             arrays[name] = bytes(memoryview(body)[start:end])
-        elif kind in _ARRAY_KINDS:
+        else:
             import numpy as np
 
             dtype = np.dtype(kind)
@@ -129,8 +130,6 @@ def _cut(kinds: Mapping[str, Any], body: bytearray) -> Arrays:
             part = np.frombuffer(body, np.uint8)[start:end]
             aligned = start % dtype.itemsize == 0
             arrays[name] = (part if aligned else part.copy()).view(dtype).reshape(shape)
-        else:
-            raise ValueError(f"array {name} of {kind}")
         start = end
     if start != len(body):
         raise ValueError(f"{len(body)} bytes of arrays, {start} announced")
@@ -169,7 +168,7 @@ def _array(value: Any) -> "NDArray[Any]":
     import numpy as np
 
     array = np.asarray(value, order="C")
-    return array if array.dtype.str in _ARRAY_KINDS else array.astype(np.float64)
+    return array if array.dtype.str in _KINDS else array.astype(np.float64)
 
 
 def unpack(plain: Any, kind: Any, arrays: Arrays) -> Any:

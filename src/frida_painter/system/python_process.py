@@ -90,9 +90,12 @@ def watch_program(arguments: Sequence[str], watch: Callable[[], None], **options
 
     watch: called often; if it raises, the program is ended, with all processes of its group
     options: those of `subprocess.Popen`
-    Raises OSError if the program cannot be started, ValueError if its name cannot be one.
+    Raises ProcessLost, with the reason alone, if the program cannot be started, and the errors of `watch`.
     """
-    program = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, start_new_session=True, **options)
+    try:
+        program = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, start_new_session=True, **options)
+    except (OSError, ValueError) as cause:
+        raise ProcessLost(getattr(cause, "strerror", None) or str(cause)) from cause
     try:
         while program.poll() is None:
             watch()
@@ -245,10 +248,7 @@ class OwnProcess(Generic[P, R]):
 def in_own_process(
     limits: ProcessLimits = ProcessLimits(), **variables: str
 ) -> Callable[[Callable[P, R]], OwnProcess[P, R]]:
-    """Marks a function of a module: each call starts a process for it.
-
-    variables: environment of the process, beside the usual one
-    """
+    """Marks a function of a module: each call starts a process for it, in an environment with these variables."""
     return partial(OwnProcess, limits=limits, variables=variables)
 
 
@@ -348,7 +348,8 @@ def _tell(wire: Wire, name: str, value: Any) -> None:
 
 
 def _end_with_parent(wire: Wire) -> None:
-    wire.waits(None)  # nothing comes any more: the other end was closed
+    with suppress(ProcessLost):
+        wire.receive()  # nothing comes any more: the other end was closed
     os._exit(1)
 
 

@@ -12,12 +12,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from frida_painter.errors import ConfigError, MakingFailed
+from frida_painter.errors import ConfigError, MakingFailed, ProcessLost
 from frida_painter.system import python_process, storage
 from frida_painter.system.storage import megabytes
 from frida_painter_words.picture_makers.making import MAX_BYTES, PictureMakerKind, PictureRequest, make_each
 
-_GLANCE = 0.05  # seconds between two looks at a program
 _MAX_SAID = 20 * 2**20  # bytes that a program may say to its standard error
 _SAID = "the words of a program"
 _TOLD = 200  # characters of a program's last line in messages
@@ -57,9 +56,8 @@ def run_program(
         variables = python_process.environment_of_others()
         try:
             status = python_process.watch_program(arguments, watch, stdout=output, stderr=complaints, env=variables)
-        except (OSError, ValueError) as cause:
-            why = getattr(cause, "strerror", None) or str(cause)
-            raise MakingFailed(f"{name} cannot start {arguments[0][:80]!r} ({why}); give one that runs.") from cause
+        except ProcessLost as cause:
+            raise MakingFailed(f"{name} cannot start {arguments[0][:80]!r} ({cause}); give one that runs.") from cause
     if status != 0:
         names = {one.value: one.name for one in signal.Signals}
         how = f"ended with status {status}" if status > 0 else f"was ended by {names.get(-status, f'signal {-status}')}"

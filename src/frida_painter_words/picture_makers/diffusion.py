@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from frida_painter import registry
-from frida_painter.errors import ConfigError, MakingFailed, ProcessLost, WeightsError
+from frida_painter.errors import ConfigError, FridaError, Interrupted, MakingFailed, ProcessLost, WeightsError
 from frida_painter.objectives.weights.catalogue import find_weights
 from frida_painter.objectives.weights.pipeline_folder import (
     PipelineFolder,
@@ -74,10 +74,11 @@ class DiffusionMaker:
         try:
             make = replace(make_pictures, heed=partial(request.heed, "The pipeline", until))
             make(task, request.tell, answers.append)
-        except (MakingFailed, ProcessLost) as fault:
-            why = str(fault).rstrip(".")
-            told = f"The pipeline failed ({why}); name another, or try it without frida-painter."
-            missing = fault if isinstance(fault, MakingFailed) else MakingFailed(told)
+        except Interrupted:
+            raise
+        except FridaError as fault:
+            told = f"The pipeline failed ({str(fault).rstrip('.')}); name another, or try it without frida-painter."
+            missing = MakingFailed(told if isinstance(fault, ProcessLost) else str(fault))
             if not answers:
                 raise missing from fault
         answer = answers[-1]

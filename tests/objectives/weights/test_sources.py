@@ -8,7 +8,7 @@ import pytest
 
 from frida_painter.errors import WeightsError
 from frida_painter.objectives.weights import sources
-from frida_painter.objectives.weights.sources import bring, download
+from frida_painter.objectives.weights.sources import bring, download, run_program
 from frida_painter.system import storage
 from frida_painter.system.transfer import Transfer
 from tiny_weights import WHEEL, WORDS, archive, serving, tiny, write_wheel
@@ -192,3 +192,11 @@ def test_files_that_a_person_brought(tmp_path):
     assert [file.in_folder(tmp_path).read_bytes() for file in tiny().files] == [archive(), WORDS]
     with pytest.raises(WeightsError, match=r"there is no apt|apt says: "):
         bring("deb:no-such-package=1", replace(tiny(), files=tiny().files[:1]), tmp_path, Transfer())
+
+
+def test_what_a_watch_raises_is_no_start_that_failed(tmp_path):
+    def watch():
+        raise BrokenPipeError("nobody reads what is told")
+
+    with pytest.raises(BrokenPipeError):
+        run_program(["sleep", "60"], tmp_path, watch)

@@ -26,14 +26,13 @@ from http.client import HTTPException
 from pathlib import Path
 
 from frida_painter import registry
-from frida_painter.errors import WeightsError
+from frida_painter.errors import ProcessLost, WeightsError
 from frida_painter.objectives.weights.catalogue import NamedWeights, PublishedFile
 from frida_painter.system import python_process, storage
 from frida_painter.system.transfer import TOO_SLOW, Transfer
 
 _PATIENCE = 10.0  # seconds without data
 _CHUNK = 2**18  # bytes
-_GLANCE = 0.1  # seconds
 _WRONG_RANGE = 416
 _HASH = re.compile("[0-9a-f]{40}|[0-9a-f]{64}")
 _PIP = (
@@ -169,8 +168,8 @@ def run_program(
         variables = python_process.environment(**environment)
         try:
             status = python_process.watch_program(command, watch, cwd=folder, stdout=log, stderr=log, env=variables)
-        except OSError as cause:
-            raise WeightsError(f"{Path(command[0]).name} cannot be started ({cause.strerror})") from cause
+        except ProcessLost as cause:
+            raise WeightsError(f"{Path(command[0]).name} cannot be started ({cause})") from cause
         log.seek(0)
         return status == 0, log.read()
 
