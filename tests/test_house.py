@@ -116,7 +116,8 @@ DELETING = {
     "frida_painter_studio/server.py": 1,  # the links of the studio that closes
     "frida_painter_studio/stop.py": 2,  # its own key in the making, and the socket
     "frida_painter_studio/store.py": 1,  # the folder of a painting, on a person's word
-    "frida_painter_studio/studio_folder.py": 1,  # a lock
+    "frida_painter_studio/studio_folder.py": 2,  # a lock; a stop file that came too early
+    "frida_painter_cli/leading.py": 1,  # the pause file, when a person at a page goes on
     "frida_painter_studio/web_studio.py": 5,  # stop files
     "frida_painter_together/asking.py": 1,  # pictures with random names that it made itself
     "frida_painter_together/inbox.py": 1,  # pictures with random names for the page

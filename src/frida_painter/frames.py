@@ -2,7 +2,7 @@
 
 Canvas: metres, origin at the bottom-left corner, x right, y up. Pixels: row down, column right. The centre of
 pixel (row, column) lies at (row, column), so a picture of n rows spans -0.5 to n - 0.5. Only this module and
-frame_kernels.py flip y.
+strokes/place_kernels.py flip y.
 """
 
 import math

@@ -6,7 +6,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack, suppress
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -74,7 +74,6 @@ class Leader:
         self._asked, self._repaint = asked, repaint
         self._console = Console(stderr=True, highlight=False)
         self._bar = PaintingLine(self._console, lambda: run.painting)
-        self._stack = ExitStack()
         self._over = threading.Event()
         wells = Wells(run.mixed, input if asks_for_paints else None, run.folder, poured=not run.easel.simulated)
         run.listeners.append(self._bar.hear)
@@ -89,11 +88,13 @@ class Leader:
             repaint=self._repaints,
             adapt=lambda turn: (self._conductor.adapt_alone if self._conductor else answer_usually)(turn),
         )
-        threading.Thread(target=self._await_page, args=(time.time(),), daemon=True, name="inbox").start()
+        hearing = threading.Thread(target=self._await_page, args=(time.time(),), daemon=True, name="inbox")
+        hearing.start()
+        hearing.join(None if storage.exists(run.folder / INBOX) else 0.0)  # what is owed is done before a stroke
 
     def __enter__(self) -> Self:
         if self._run.history is None:
-            self._stack.enter_context(self._bar)
+            self._bar.__enter__()
         return self
 
     def __exit__(
@@ -130,22 +131,27 @@ class Leader:
         return self._run.folder / PAUSE_FILE
 
     def _pause_cause(self) -> PauseCause | None:
-        talks = self._proposer is not None and self._proposer.wants_pause()
-        if talks or self._pause_file.exists():
+        if self._run.painting.paused:  # what is done in a pause asks for no other one
+            return None
+        self._held = self._pause_file.exists()
+        if self._held or (self._proposer is not None and self._proposer.wants_pause()):
             return "person"
         cause: PauseCause | None = None if self._conductor is None else self._conductor.pause_cause()
         return cause
 
     def _go_on(self, paused: Paused) -> bool:
         """Waits until somebody lets the painting go on, here or at a page; returns False if somebody ends it."""
-        self._held = self._pause_file.exists()
-        self._asks = not self._held and paused.cause != "person" and sys.stdin.isatty()
+        self._held = self._held or self._pause_file.exists()
+        at_page = self._conductor is not None and self._proposer is None
+        self._asks = not self._held and (at_page or paused.cause != "person") and sys.stdin.isatty()
         how = f"To go on, remove {self._pause_file}" if self._held else paused.reason
         asked = " To go on, press Enter; to stop, Ctrl-C." if self._asks else ""
         self._console.print(f"Paused after {paused.done} strokes. {how}{asked}", markup=False)
         while not self._is_stopped():
             if self._conductor is not None:
                 went_on: bool = self._conductor.go_on(paused)
+                if went_on and self._held:
+                    self._pause_file.unlink(missing_ok=True)  # else the next stroke would pause again
                 return went_on
             let = self._is_let_go_on(paused)
             if let is not None:
@@ -183,13 +189,14 @@ class Leader:
         if not self._asked or not sys.stdin.isatty():
             return False
         with self._bar.aside():
-            where = self._run.folder / NOW
-            return confirm(f"{sentence}\nLook at {where}. Shall it be painted on as it is?", default=False)
+            return confirm(
+                f"{sentence}\nLook at {self._run.folder / NOW}. Shall it be painted on as it is?", default=False
+            )
 
     def _repaints(self, number: int, picture: Tensor) -> bool:
         if self._repaint is not None or not self._asked:
             return bool(self._repaint)
-        return confirm(f"Look at {self._run.folder / 'now.png'}: paint stroke {number} again?", default=False)
+        return confirm(f"Look at {self._run.folder / NOW}: paint stroke {number} again?", default=False)
 
 
 def follow(folder: Path) -> None:
@@ -198,9 +205,8 @@ def follow(folder: Path) -> None:
     folder: of the painting, or of the studio's entry that holds it.
     Raises StorageError if it is no painting's.
     """
-    place = (
-        folder if storage.exists(folder / JOURNAL) or not storage.exists(folder / "painting") else folder / "painting"
-    )
+    inside = not storage.exists(folder / JOURNAL) and storage.exists(folder / "painting")
+    place = folder / "painting" if inside else folder
     require_journal(place)
     state, reader, at_work = PaintingState(), LogReader(place / JOURNAL), True
     news: Iterable[Event] = deque(state.hear_journal(reader.stream(), place), maxlen=1)  # of the past, the last event
@@ -287,14 +293,11 @@ def tell(outcome: RunOutcome, of: int, seconds: float, *, watched: bool = True) 
     painted = painting.painted
     finished = painted == of or (outcome.trouble is None and painting.rest is not None and len(painting.rest) == 0)
     expected = "" if watched else ", as expected: nobody looked"
+    fewer = finished and painted < of
     begun = f"{painted} strokes" if finished else f"Stopped after {painted} of {of} strokes; what was made is kept"
     say(
         f"{begun} in {duration(seconds)}.",
-        *(
-            [f"  {of - painted} of {of} strokes were left out: those that would be missed least."]
-            if finished and painted < of
-            else []
-        ),
+        *([f"  {of - painted} of {of} strokes were left out: those that would be missed least."] if fewer else []),
         f"  The painting  {folder / 'painting.png'}{expected}",
         *([f"  The film      {folder / 'film.mp4'}{expected}"] if (folder / "film.mp4").exists() else []),
         *([f"  The arm       {folder / ARM_FILM}"] if (folder / ARM_FILM).exists() else []),

@@ -15,14 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    Field,
-    StringConstraints,
-    create_model,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, Field, StringConstraints, create_model, model_validator
 
 from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
@@ -239,6 +232,12 @@ class PaintingFolder:
             self.robot_stop.touch()
         self.stop.touch()
 
+    def forget_stop(self) -> None:
+        """Removes a stop that was pressed before there was a robot, unless another process paints; the next is new."""
+        with contextlib.suppress(OSError):
+            if not _is_painted(self):
+                self.robot_stop.unlink()
+
     def plans(self) -> list[PlanFolder]:
         """Returns all plans, finished or not, in order."""
         found = (entry for entry in (self.path / "plans").glob("*") if entry.name.isdecimal())
@@ -350,9 +349,9 @@ def forget_lock(folder: PaintingFolder) -> None:
 
 
 def find_job(folder: PaintingFolder) -> str:
-    """Returns the job of the worker at this folder, "" if it is not known. The lock of an old worker has none."""
+    """Returns the job of the worker here, "" if it is not known, or if it or a terminal paints. Old ones have none."""
     try:
-        return _lock_file(folder).read_bytes()[:_LONGEST_JOB].decode(errors="replace")
+        return "" if _is_painted(folder) else _lock_file(folder).read_bytes()[:_LONGEST_JOB].decode(errors="replace")
     except OSError:
         return ""
 

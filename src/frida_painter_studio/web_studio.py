@@ -234,7 +234,7 @@ class Studio:
         if working(folder):
             raise Interrupted("The painter is at work on this painting already.")
         if self.queue.must_wait():
-            self.queue.add(entry, self._request_plan(entry, request), "plan")
+            self.queue.add(entry, lambda: self._request_plan(entry, request), "plan")
             return
         with self.workers.slot_at(folder) as slot:
             folder.stop.unlink(missing_ok=True)
@@ -267,7 +267,7 @@ class Studio:
             raise Interrupted("This painting has been begun already; to paint it once more, take Paint again.")
         studio_folder.require_disk(folder.path, _ROOM_TO_BEGIN)
         if wait:
-            self.queue.add(entry, plan, "paint")
+            self.queue.add(entry, lambda: plan, "paint")
             self.store.note(by.id, entry.id, f"queue plan {number}")
             return
         with self.workers.slot_at(folder) as slot:
@@ -293,8 +293,8 @@ class Studio:
         )
         if robot != self.easel.robot:
             raise ConfigError(
-                f"This painting is painted by {robot!r}, and this studio is open for {self.easel.robot!r}; open the "
-                f"studio with --robot {robot}, or type: frida-painter resume {folder.painting.name}"
+                f"This painting is painted by {robot!r}, and this studio is open for {self.easel.robot!r}; open it "
+                f"with --robot {robot}, or type: frida-painter resume {folder.painting.relative_to(self.store.root)}"
             )
         studio_folder.require_disk(folder.path, _ROOM_TO_RESUME)
         with self.workers.slot_at(folder) as slot:

@@ -54,6 +54,7 @@ def do_job(what: str, path: Path, number: int, lock: BinaryIO, easel: WebAppEase
         feed.tell(Stopped(str(registry.blame(failure) or told)))
         raise
     finally:
+        folder.forget_stop()
         lock.close()
         feed.close()
 

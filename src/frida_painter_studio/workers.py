@@ -4,7 +4,7 @@ import contextlib
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -141,8 +141,8 @@ class PaintingQueue:
         with self._turn:
             return bool(self._entries) or self._workers.busy
 
-    def add(self, entry: Entry, plan: PlanFolder, job: QueuedJob) -> None:
-        """Adds a plan of a painting at the end. Raises Interrupted if it waits already, or if the queue is full."""
+    def add(self, entry: Entry, make: Callable[[], PlanFolder], job: QueuedJob) -> None:
+        """Adds the plan that `make` makes. Raises Interrupted if its painting waits already, or the queue is full."""
         with self._turn:
             if any(waiting.painting == entry.id for waiting in self._entries):
                 raise Interrupted("This painting waits in the queue already.")
@@ -150,7 +150,7 @@ class PaintingQueue:
                 raise Interrupted(f"There are {_PAINTING_QUEUE_MAX} in the queue already; remove one of them first.")
             if not self._entries:
                 self._folder.stop.unlink(missing_ok=True)  # an empty queue was not stopped
-            self._keep([*self._entries, QueueEntry(entry.id, plan.number, job)])
+            self._keep([*self._entries, QueueEntry(entry.id, make().number, job)])
 
     def remove(self, identifier: str) -> bool:
         """Removes a painting, also if it was started by hand; returns True if it was in the queue."""

@@ -15,8 +15,9 @@ from PIL import Image
 
 from cli.test_stopping import Painter, paint
 from frida_painter.session.events import Paused, WentOn
+from frida_painter.session.fold import PaintingState
+from frida_painter.system import python_process
 from frida_painter_cli.leading import Leader
-from frida_painter_studio import worker_process, workers
 from frida_painter_studio.web_app_easel import WebAppEasel
 from killing import ForkedProcess
 from session.easel_errands import until
@@ -67,14 +68,14 @@ class Page:
 def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
     """Of a studio whose workers are forked, as all programs of this room are."""
 
-    def start(*words: object, **more: Any) -> ForkedProcess:
-        def work() -> None:
-            sys.argv = ["worker", *map(str, words[2:])]
-            worker_process.main()
+    begin = python_process.start
 
-        return ForkedProcess(work, **more)
+    def start(*words: Any, **more: Any) -> Any:
+        if words[2] != "frida_painter_studio.worker_process:do_job":
+            return begin(*words, **more)
+        return ForkedProcess(lambda: python_process.serve(*words[2:]), **more)
 
-    monkeypatch.setattr(workers, "python_process", SimpleNamespace(start=start))
+    monkeypatch.setattr(python_process, "start", start)
     return Page(Studio(tmp_path, WebAppEasel(tmp_path / "calibration.json", pace=0.05)).visitor())
 
 
@@ -130,7 +131,7 @@ class Run:
     """As much of a run as a pause needs."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.session, self.painting, self.history = folder, None, None, None
+        self.folder, self.session, self.painting, self.history = folder, None, PaintingState(), None
         self.easel, self.mixed, self.is_stopped = SimpleNamespace(simulated=True), None, False
         self.listeners: list[Any] = []
         self.told: list[Any] = []
@@ -167,3 +168,28 @@ def test_a_pause_ends_as_whoever_sits_at_the_terminal_wants_it(
     assert run.told == ([WentOn()] if goes_on else [])
     os.close(keyboard)
     stdin.close()
+
+
+@pytest.mark.parametrize("file", [True, False])
+def test_a_pause_of_the_pause_file_is_ended_by_a_page_too_and_what_was_owed_is_done_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: bool
+) -> None:
+    monkeypatch.setattr("frida_painter_cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
+    asked: list[Any] = []
+
+    def go_on(paused: Paused) -> bool:
+        run.painting.hear(paused)
+        asked.append(leader._pause_cause())  # as while it replans in the pause
+        return True
+
+    conductor = SimpleNamespace(go_on=go_on, pause_cause=lambda: "person")
+    monkeypatch.setattr("frida_painter_cli.leading._lead_from_pages", lambda *_: conductor)
+    (tmp_path / "inbox.jsonl").touch()
+    run: Any = Run(tmp_path)
+    leader = Leader(run, SimpleNamespace(asked=False), asked=False, started=0.0)  # type: ignore[arg-type]
+    assert leader._pause_cause() == "person", "what a page asked for before is done before a stroke"
+    if file:
+        (tmp_path / "pause").touch()
+        assert leader._pause_cause() == "person"
+    assert leader._go_on(Paused("It waits.", 3, "person")) and asked == [None]
+    assert not (tmp_path / "pause").exists()

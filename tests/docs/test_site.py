@@ -20,6 +20,7 @@ MADE = "<!-- `make reference` writes this page"
 MAX_WORDS, MAX_WORDS_A_PAGE = 20_000, 2_500
 MAX_WORDS_OF_THE_LABORATORY = 12_000
 MAX_LINES = 2_600  # of the ten files that CONTRIBUTING.md names first
+MAX_FILES = (25, 30, 8)  # that follow a photograph, a prompt and a stroke through the code
 
 
 def lost_links(page: Path) -> list[str]:
@@ -67,12 +68,16 @@ def test_notes_of_the_laboratory_are_short_and_dated() -> None:
 
 
 def test_the_way_into_the_code_is_short() -> None:
-    """Ten files that a newcomer reads, and a table of ten rows."""
+    """Ten files that a newcomer reads, three paths through the code, and a table of ten rows."""
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     way = text.partition("## Five minutes through the code")[2].partition("\n## ")[0]
     files = re.findall(r"^\d+\. \[`[\w/]+\.py`\]\((src/[\w/]+\.py)\)", way, re.MULTILINE)
     assert len(files) == 10
     assert sum((ROOT / file).read_text(encoding="utf-8").count("\n") for file in files) <= MAX_LINES
+    paths = re.findall(r"^- \*\*.*", way, re.MULTILINE)  # of a photograph, a prompt, a stroke
+    followed = [re.findall(r"\]\((src/[\w/]+\.py)\)", path) for path in paths]
+    assert [len(set(path)) <= most for path, most in zip(followed, MAX_FILES, strict=True)] == [True] * 3
+    assert all(len(path) > 5 and all((ROOT / file).is_file() for file in path) for path in followed)
     table = text.partition("## Where do I change X?")[2].partition("\n## ")[0]
     assert len(re.findall(r"^\|(?!---)", table, re.MULTILINE)) == 1 + 10
 

@@ -53,3 +53,8 @@ def test_the_planner_paints_batches_in_the_studio():
     (chance,) = play(env, RandomPolicy(0, batch=4), (0,))
     assert painted.score > chance.score + 1 and painted.strokes == 8 and painted.minutes > 0
     env.close()
+
+
+def test_the_planner_paints_fewer_strokes_than_there_are_paints():
+    env = gymnasium.make("renderer/strokes-v1", goal=GOAL, **{**SMALL, "strokes": 2})
+    assert play(env, PlannerPolicy(env.unwrapped.task, effort=0.05), (0,))[0].strokes == 2

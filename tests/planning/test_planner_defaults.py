@@ -118,6 +118,8 @@ def test_stroke_models_of_one_s_own_take_the_place_of_the_brushes(coarse_brushes
     assert settled.brushes == (small_table().brush,) and len(settled.layer_sizes(120)) == 2
     told = Materials.of(RunSpec.of(goal=[{"image": "x.png"}], strokes=120, **QUICK), small_table())
     assert told.shares is None and told.models == (small_table(),)
+    named = RunSpec.of(goal=[{"image": "x.png"}], strokes=20, brushes="broad,medium", **QUICK)
+    assert Materials.of(named, small_table()).layers is None
 
 
 def test_nothing_of_a_planner_changes_when_another_ground_is_asked_for() -> None:

@@ -22,6 +22,7 @@ from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
 from frida_painter.session.events import ResultFound, Stopped, StrokePainted
 from frida_painter.session.journal import Journal
+from frida_painter.system import locks
 from frida_painter_studio.routes import SentFile, zip_folder
 from frida_painter_studio.store import Entry
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -399,6 +400,9 @@ def test_one_browser_leads_only_while_something_may_move(studio: Studio, started
         assert refused.status_code == 409 and refused.json()["led"]
         lock.sign("plan")  # a planner moves nothing
         assert second.post(say, json=pause).status_code == 200
+        with (entry.folder.painting / "journal").open() as journal:
+            assert locks.take(journal.fileno())  # a terminal goes on with it
+            assert first.post(say, json=pause).json()["led"]
         lock.sign("paint")
         assert first.post(say, json=pause).json()["led"]
     assert "Nothing is being painted" in first.post(say, json=pause).json()["sentence"], "it leads, and is told why not"
@@ -430,6 +434,7 @@ def test_what_is_asked_of_a_busy_painter_waits_in_order_and_is_begun_by_itself(
     state = visitor.get(f"/api/paintings/{first.id}").json()
     assert (state["stage"], state["plans"][0]["status"], state["trouble"]) == ("waiting", "waiting", "")
     assert visitor.post(f"/api/paintings/{first.id}/plans", json=painting_request()).status_code == 409
+    assert [plan["status"] for plan in visitor.get(f"/api/paintings/{first.id}").json()["plans"]] == ["waiting"]
     assert visitor.post(f"/api/queue/{second.id}/first").status_code == 200
     queue = visitor.get("/api/work").json()["queue"]
     assert [each["painting"] for each in queue] == [second.id, first.id]

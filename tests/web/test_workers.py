@@ -102,12 +102,13 @@ def test_the_page_is_told_whose_part_failed(
     failing = fail if whose == "ours" else EntryPoint("sad", "sad_goal:fail", "").load()
     monkeypatch.setattr("frida_painter_studio.worker.work", failing)
     folder = PaintingFolder(tmp_path / "painting")
-    folder.path.mkdir()
+    folder.painting.mkdir(parents=True)
+    folder.stop_now()  # before there is a robot: it must not stop the next sitting
     easel = WebAppEasel(tmp_path / "record.json")
     with (tmp_path / "lock").open("wb") as lock, pytest.raises(ValueError, match="no goal"):
         worker_process.do_job.function("paint", folder.path, 1, lock, easel)
     (told,) = [event for event in FeedReader(folder.feed).read() if isinstance(event, Stopped)]
-    assert re.match(says, told.reason)
+    assert re.match(says, told.reason) and not folder.robot_stop.exists()
     assert "Traceback" in capsys.readouterr().err, "the log has the whole of it"
 
 

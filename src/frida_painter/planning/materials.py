@@ -58,6 +58,8 @@ class Materials:
         learned: weights that an easel learned, by the names of brushes.
         Raises ConfigError, and WeightsError if a named model does not exist.
         """
+        if brushes is not None:
+            settings = settings.model_copy(update={"brushes": None, "strokes_of": None})
         learned, darkest, ground = learned or {}, settings.darkest_paint, settings.wanted_ground
         named = [learned.get(name, name) for name in settings.brush_names] if brushes is None else brushes
         models, layers = stroke_models(named), settings.wanted_layers

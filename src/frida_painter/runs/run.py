@@ -213,8 +213,8 @@ class PaintingRun:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._stack.__exit__(kind, error, trace)
-        if self._easel is not None:
-            with suppress(OSError):  # a stop that was pressed when the robot was put away already; the next one is new
+        if self._easel is not None or self._reopened is not None:
+            with suppress(OSError):  # a stop that was pressed when there was no robot, or no more; the next one is new
                 (self.folder / STOP_FILE).unlink()
         if self._run_record is not None and self._results:  # nobody writes into the folder any more
             with suppress(StorageError) if kind is not None else nullcontext():  # the first error matters more

@@ -123,9 +123,8 @@ class PlannerPolicy:
         task, palette = self._task, Palette(torch.from_numpy(observation["paints"]))
         picture = images.from_uint8(observation["goal"])
         settings = PlannerSettings.of(
-            canvas=task.size, ground=task.ground, brushes=task.brush.name, strokes=left, colors=task.paints,
-            render_height=max(task.grid.rows, 64), effort=self._effort, seed=self._seed, layers=1, focus="none",
-            paints="any",
+            canvas=task.size, ground=task.ground, brushes=task.brush.name, render_height=max(task.grid.rows, 64),
+            effort=self._effort, seed=self._seed, layers=1, focus="none", paints="any",
         )  # fmt: skip
         self._planner = Planner(Goal((ImageTerm(picture, wanted=picture),)), settings)
         self._plan = self._planner.bind_to_palette(self._planner.plan(seen, left, task.paints), seen, palette)
