@@ -58,17 +58,15 @@ class Materials:
         learned: weights that an easel learned, by the names of brushes.
         Raises ConfigError, and WeightsError if a named model does not exist.
         """
-        if brushes is not None:
-            settings = settings.model_copy(update={"brushes": None, "strokes_of": None})
-        learned, darkest, ground = learned or {}, settings.darkest_paint, settings.wanted_ground
-        named = [learned.get(name, name) for name in settings.brush_names] if brushes is None else brushes
-        models, layers = stroke_models(named), settings.wanted_layers
+        chosen = settings if brushes is None else settings.model_copy(update={"brushes": None, "strokes_of": None})
+        named = [(learned or {}).get(name, name) for name in settings.brush_names] if brushes is None else brushes
+        models, layers = stroke_models(named), chosen.wanted_layers
         return cls(
             models,
             len(models) if len(models) > 1 and layers == 1 else layers,
             settings.shares if brushes is None else None,
-            WHITE if ground in (AUTO, OF_SCENE) else rgb(ground),
-            darkest,
+            WHITE if (ground := settings.wanted_ground) in (AUTO, OF_SCENE) else rgb(ground),
+            darkest := settings.darkest_paint,
             PaintSet.of(settings.paints if settings.palette is None else ANY_PAINTS, darkest),
         )
 
