@@ -108,22 +108,18 @@ class TeachingRequest(KeptRequest):
 class JobState(ABC):
     """State of a job.
 
-    <<<<<<< HEAD
-        question: open question, in the form of together.asking.
-    =======
-        question: open question, in the form of asking.py.
-    >>>>>>> wt-rev3
-        progress: in words.
-        trouble: sentence about the last error.
-        ended: False from its beginning until it has said how it ended.
-        version: number that grows with every event.
+    question: open question, in the form of together.asking.
+    progress: in words.
+    trouble: sentence about the last error.
+    ended: False from its beginning until it has said how it ended.
+    version: number that grows with every event.
 
-        name: of its folder, its routes, its topic and its first event, and the worker's name for it.
-        request: form of its request.
-        told: fields of its request that its first event tells.
-        ends: names of the results that end it.
-        process, remedy: words about a process that vanished.
-        moves: "always" if it moves a machine at every easel, "easel" if it moves the studio's, "never".
+    name: of its folder, its routes, its topic and its first event, and the worker's name for it.
+    request: form of its request.
+    told: fields of its request that its first event tells.
+    ends: names of the results that end it.
+    process, remedy: words about a process that vanished.
+    moves: "always" if it moves a machine at every easel, "easel" if it moves the studio's, "never".
     """
 
     name: ClassVar[str]

@@ -427,7 +427,7 @@ def _may_move(at_work: list[PaintingFolder]) -> bool:
 
 
 def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, place: Path) -> None:
-    """Hands an answer to whoever asks, by the inbox in `place`. Raises Interrupted if nobody asks now, ConfigError."""
+    """Hands an answer to the asking process, by the inbox in `place`. Raises Interrupted if none asks, ConfigError."""
     if not isinstance(asked, dict) or asked.get("id") != given.question or not working(folder):
         raise Interrupted("This is not asked any more; look at the page.")
     if not (given.leave and asked.get("leave") is True):

@@ -1,4 +1,4 @@
-"""Inbox of a painting or of another job: commands, and answers to questions, from any page to whoever does the work.
+"""Inbox of a painting or of another job: commands, and answers to questions, from any page to the process that does the work.
 
 It is a file in the folder of the painting, or of the job. Each message is good once and for seconds, and the file only
 grows. So nothing is done twice, and a message that nobody heard is not heeded later, when nobody expects it.
@@ -40,7 +40,7 @@ def make_live_path(folder: Path, kind: str, suffix: str, *, alone: bool = False)
 
 
 class KeptRequest(BaseModel):
-    """Request of a page that is written into a folder, for whoever does it.
+    """Request of a page that is written into a folder, for the process that does it.
 
     _name: what is asked, in words.
     _key, _file: its name in the file, and that file.
@@ -83,7 +83,7 @@ class MakingOrder(KeptRequest):
     height: float = 11 * 25.4
 
 
-# Answers to a question, checked by the page's process and again by whoever asks.
+# Answers to a question, checked by the page's process and again by the one that asks.
 
 _Pixel = Annotated[float, Field(ge=-(2.0**16), le=2.0**16, allow_inf_nan=False)]
 _Metres = Annotated[float, Field(ge=-1, le=1, allow_inf_nan=False)]

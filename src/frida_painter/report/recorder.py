@@ -49,7 +49,7 @@ _DOWNLOADS = (
 
 @dataclass(frozen=True)
 class Description:
-    """Description of a painting for its report, from what was asked for.
+    """Description of a painting for its report.
 
     target: goal picture [3, H, W]; None if there is none
     facts, settings: for the page, as (label, value), and for the result

@@ -131,7 +131,7 @@ class Stopped(Event):
 
     @property
     def how(self) -> Literal["stopped", "failed"]:
-        """How the work ended."""
+        """Way in which the work ended."""
         return "failed" if self.reason else "stopped"
 
 
@@ -173,16 +173,16 @@ class SessionResumed(Durable):
 
 
 class Scheduled(Event):
-    """Work that is left after `done` strokes, before it is measured: told when a sitting begins, and for each new plan.
+    """Expected work after `done` strokes, at the beginning of a sitting and for each new plan.
 
     strokes: of the painting; 0 if nobody knows how many a person will ask for.
     looks: numbers of painted strokes at the looks on the way.
-    replanning: iterations of a replan at a look.
-    planning: iterations of the first plan, if it is not made yet.
+    replanning, planning: iterations of a replan at a look, and of the first plan if it is not made yet.
+
     seconds: of the robot's clock for the rest; None if it is not planned yet.
     drying: seconds of these in which layers dry.
-    after: numbers of strokes of the rest with the seconds until they are painted, and those of these in which a layer
-    dries; the seconds of strokes between two of them grow evenly.
+    after: number of strokes of the rest, seconds until they are painted, and seconds of these in which a layer dries,
+    for some of the strokes; between them the seconds grow evenly.
     pace: seconds that people wait per second of drying: 1 at a real easel, 0 in a studio that need not wait.
     """
 
@@ -488,7 +488,7 @@ class MadePictures:
 
 
 class CommandDone(Durable):
-    """What a person asked for is there, or in force from now on."""
+    """Result of a command: it is there, or in force from now on."""
 
     result: Annotated[Turns | DrawnRegion | NewGoal | MadePictures, Field(discriminator="kind")]
 
