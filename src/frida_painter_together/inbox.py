@@ -1,4 +1,4 @@
-"""Inbox of a painting or of another job: commands, and answers to questions, from any page to the process that does the work.
+"""Inbox of a painting or of another job: commands, and answers to questions, from any page to the process that works.
 
 It is a file in the folder of the painting, or of the job. Each message is good once and for seconds, and the file only
 grows. So nothing is done twice, and a message that nobody heard is not heeded later, when nobody expects it.
