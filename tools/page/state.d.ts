@@ -30,7 +30,7 @@ interface PaintState {
 }
 interface State {
   stage: "waiting" | "planning" | "plan stopped" | "plan failed" | "planned" | "queued" | "preparing" | "mixing" | "painting" | "drying" | "replanning"
-    | "paused" | "finishing" | "finished" | "stopped" | "failed" | "lost";
+    | "paused" | "finishing" | "finished" | "stopped" | "failed" | "lost" | "reading"; // reading: a card only
   resumable: boolean; version: number; working: boolean; stopped: boolean; trouble: string; question: any; plans: PlanState[]; painting: PaintState | null;
 }
 type Command = { kind: "pause" | "go on" | "finish" | "look" | "free" } | { kind: "leave out"; count: number } | { kind: "turns"; count: number; minutes?: number; policy?: string; keep?: string }
