@@ -125,7 +125,7 @@ def test_no_lock_is_taken_in_another_way() -> None:
     """Else there would be a wait without an end."""
     texts = {place_of(path): path.read_text() for path in SOURCES}
     assert {name for name, text in texts.items() if re.search(r"\bfcntl\b|\blockf\b|\block_descriptor\b", text)} == {
-        "locks.py"
+        "system/locks.py"
     }
     taken = [call for text in texts.values() if "FileLock" in text for call in re.findall(r"\.acquire\((.*?)\)", text)]
     assert taken and all(re.match(r"timeout=|blocking=False", call) for call in taken), taken

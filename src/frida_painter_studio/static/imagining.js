@@ -96,10 +96,12 @@ export function pictureMaking(house, wish, chosen) {
       const mine = state?.words === words && words !== "";
       const pictures = picturesOf(state?.makings ?? [], words);
       bar.hidden = !(works && mine);
-      go.disabled = !words || (works && !asking && (state?.version ?? 0) >= awaited); // else it would lose the focus that Stop takes
+      const rests = !words || (works && !asking && (state?.version ?? 0) >= awaited);
+      if (!rests) go.disabled = false;
       go.textContent = pictures.length ? "Make others, with another seed" : "Make pictures from this text";
       const wanted = works && mine ? [stop] : [go, names];
       if (ask.firstChild !== wanted[0]) show(ask, wanted);
+      go.disabled = rests; // only now: a button that is disabled loses the focus, which the other one takes over
       const making = state?.makings.filter((each) => each.words === words).at(-1);
       said.textContent = works && mine ? state?.progress || `${state?.maker} begins.` : works ? "Pictures of other words are being made; wait until they are there."
         : mine && state?.stopped ? "You stopped the making." : making ? [`Made by ${making.maker}. Choose one to begin with.`, ...making.faults].join(" ") : "";
