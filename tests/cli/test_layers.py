@@ -46,7 +46,11 @@ def require_whole(folder: Path) -> None:
     done = [one["done"] for one in written(folder) if one["kind"] == "stroke_painted"]
     kinds = [one["kind"] for one in written(folder)]
     assert done == list(range(1, 9)) and kinds.count("finished") == 1 and kinds[-1] == "result_found"
-    begun = [(one["done"], one["brush"]) for one in written(folder) if one["kind"] == "layer_begun"]
+    begun = [
+        (kinds[:number].count("stroke_painted"), one["brush"])
+        for number, one in enumerate(written(folder))
+        if one["kind"] == "layer_begun"
+    ]
     assert begun[0] == (0, "broad") and set(begun[1:]) == {(4, "medium")}
     did = EventLog.read(folder / "studio.diary")
     held = [one["name"] for one in did if one.get("did") == "brush"]
