@@ -326,6 +326,7 @@ class LogReader:
         self._path, self._most = path, most
         self._file = (0, 0)  # device and inode
         self._last, self._offset, self._read = _START, 0, 0
+        self._skipped = b""  # checksum of a line that is too long, until its end
 
     def read(self) -> list[dict[str, Any]]:
         """Returns new records in order. Waits for incomplete lines and skips damaged ones."""
@@ -338,19 +339,25 @@ class LogReader:
                 stat, again = os.fstat(file.fileno()), 0
                 if (stat.st_dev, stat.st_ino) != self._file or stat.st_size < self._offset:
                     self._file, again = (stat.st_dev, stat.st_ino), self._read
-                    self._last, self._offset, self._read = _START, 0, 0
+                    self._last, self._offset, self._read, self._skipped = _START, 0, 0, b""
                 file.seek(self._offset)
                 content = file.read(self._most)
         except (OSError, StorageError):
             return
+        if self._skipped:
+            end = content.find(b"\n") + 1
+            self._offset += end or len(content)
+            if not end:
+                return
+            self._last, self._skipped, content = self._skipped, b"", content[end:]
         for line, record in _intact(content, self._last):
             self._last, self._offset = line[:_CHECKSUM], self._offset + len(line)
             if record is not None:
                 self._read += 1
                 if self._read > again:
                     yield record
-        if content and not content.count(b"\n"):
-            self._offset += len(content) // self._most * self._most
+        if len(content) == self._most and b"\n" not in content:
+            self._skipped, self._offset = content[:_CHECKSUM], self._offset + len(content)
 
 
 @dataclass(frozen=True)

@@ -211,7 +211,7 @@ def _is_array(kind: Any) -> bool:
 
 
 def _loaded(library: str, name: str) -> Any:
-    """Returns a class of a library that is loaded; else (), of which nothing is an instance."""
+    """Returns a class of a library if that is loaded, otherwise ()."""
     return getattr(sys.modules.get(library), name, ())
 
 
