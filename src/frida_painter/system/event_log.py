@@ -344,20 +344,17 @@ class LogReader:
                 content = file.read(self._most)
         except (OSError, StorageError):
             return
-        if self._skipped:
-            end = content.find(b"\n") + 1
-            self._offset += end or len(content)
-            if not end:
-                return
+        if self._skipped and (end := content.find(b"\n") + 1):
             self._last, self._skipped, content = self._skipped, b"", content[end:]
+            self._offset += end
         for line, record in _intact(content, self._last):
             self._last, self._offset = line[:_CHECKSUM], self._offset + len(line)
             if record is not None:
                 self._read += 1
                 if self._read > again:
                     yield record
-        if len(content) == self._most and b"\n" not in content:
-            self._skipped, self._offset = content[:_CHECKSUM], self._offset + len(content)
+        if b"\n" not in content and (self._skipped or len(content) == self._most):
+            self._skipped, self._offset = self._skipped or content[:_CHECKSUM], self._offset + len(content)
 
 
 @dataclass(frozen=True)
@@ -387,8 +384,7 @@ def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
     match = _LINE.fullmatch(line)
     if match is None or match[1] != _line_checksum(before, match[3]) or int(match[2]) != len(match[3]):
         return None
-    found: dict[str, Any] = storage.parse_json(match[3])  # an object, by the pattern
-    return found
+    return dict(storage.parse_json(match[3]))  # an object, by the pattern
 
 
 def _strict(content: bytes, path: Path, what: str) -> _Parsed:
@@ -430,22 +426,17 @@ def _may_be_torn(tail: bytes) -> bool:
 
 def _forgiving(content: bytes) -> _Parsed:
     """Returns all intact records."""
-    last, length = _START, 0
-    records: list[dict[str, Any]] = []
-    for line, record in _intact(content):
-        last, length = line[:_CHECKSUM], length + len(line)
-        records += [] if record is None else [record]
-    return _Parsed(records, last, length)
+    lines = list(_intact(content))
+    last = lines[-1][0][:_CHECKSUM] if lines else _START
+    return _Parsed([record for _, record in lines if record is not None], last, sum(len(line) for line, _ in lines))
 
 
 def _intact(content: bytes, last: bytes = _START) -> Iterator[tuple[bytes, dict[str, Any] | None]]:
     """Yields each complete line with its record, None if it is damaged."""
     start = 0
     while end := content.find(b"\n", start) + 1:
-        line = content[start:end]
-        try:
+        line, record = content[start:end], None
+        with contextlib.suppress(ValueError):
             record = _record(line, last)
-        except ValueError:
-            record = None
         yield line, record
         last, start = line[:_CHECKSUM], end
