@@ -560,13 +560,14 @@ def events_of(written: dict[str, Any]) -> list[Event]:
     name = str(written.get("kind"))
     if name not in KINDS:
         return [Unknown()]
+    read, known = _reader(name)
     try:
-        event = _adapter(name).validate_python(written)
+        event = read(written)
     except ValueError:
         if issubclass(KINDS[name], Durable):
             raise
         return [Unknown()]
-    return [event] if written.keys() <= _known_keys(name) else [Unknown(), event]
+    return [event] if known.issuperset(written) else [Unknown(), event]
 
 
 def time_of(written: Mapping[str, Any]) -> datetime | None:
@@ -579,15 +580,12 @@ def time_of(written: Mapping[str, Any]) -> datetime | None:
 
 
 @functools.cache
-def _known_keys(kind: str) -> frozenset[str]:
-    return frozenset({"kind", "at", "format", "version", *(each.name for each in fields(KINDS[kind]))})
+def _reader(kind: str) -> tuple[Callable[[dict[str, Any]], Event], frozenset[str]]:
+    """Returns the function that reads records of a kind, and all keys that they may have."""
+    known = {"kind", "at", "format", "version", *(each.name for each in fields(KINDS[kind]))}
+    return TypeAdapter(KINDS[kind]).validator.validate_python, frozenset(known)
 
 
 @functools.cache
 def _live_fields(kind: str) -> frozenset[str]:
     return frozenset(each.name for each in fields(KINDS[kind]) if each.metadata.get("live"))
-
-
-@functools.cache
-def _adapter(kind: str) -> TypeAdapter[Event]:
-    return TypeAdapter(KINDS[kind])

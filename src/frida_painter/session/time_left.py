@@ -143,6 +143,14 @@ class RemainingTime:
             self._since += passed
         self._waits = person or (self._waits and kind not in _ROBOT)
         match event:
+            case events.MotionBegan():
+                pass
+            case events.StrokePainted(done=done) | events.StrokeLeftOut(done=done):
+                self._painted = done
+                self._forget_looks(until=done - 1)  # a look may not have led to a replan
+                walked, since, self._since = self._walk(done), self._since, 0.0
+                if since is not None:
+                    self._painting.measure(since, walked)
             case events.Scheduled(done, strokes, looks):
                 if event.after and not self._plan.after:
                     self._painting = Pace(_TIMETABLE)
@@ -173,12 +181,6 @@ class RemainingTime:
                 dried = 0.0 if self._wet is None else self._wet - left
                 self._walked, self._dries = self._walked + dried, self._dries - dried
                 self._wet = left or None
-            case events.StrokePainted(done=done) | events.StrokeLeftOut(done=done):
-                self._painted = done
-                self._forget_looks(until=done - 1)  # a look may not have led to a replan
-                walked, since, self._since = self._walk(done), self._since, 0.0
-                if since is not None:
-                    self._painting.measure(since, walked)
             case events.Dipped() | events.LayerBegun() | events.BrushInHand(str()) | events.WentOn():
                 self._since = self._since or 0.0
             case _:
@@ -207,10 +209,10 @@ class RemainingTime:
         if not after:
             return 1.0
         before, at = self._walked + self._dries, min(bisect_left(after, (stroke,)), len(after) - 1)
-        (first, *known), (last, *later) = after[max(0, at - 1)], after[at]
+        (first, known, dried), (last, later, dry) = after[max(0, at - 1)], after[at]
         share = min(1.0, (stroke - first) / (last - first)) if last > first else 1.0
-        self._walked, dried = (old + share * (new - old) for old, new in zip(known, later, strict=True))
-        self._dries = self._plan.drying - dried
+        self._walked = known + share * (later - known)
+        self._dries = self._plan.drying - (dried + share * (dry - dried))
         return max(0.0, self._walked + self._dries - before)
 
 

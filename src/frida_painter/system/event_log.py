@@ -24,7 +24,6 @@ from frida_painter.system import locks, storage
 
 _CHECKSUM = 16  # hexadecimal digits
 _START = b"0" * _CHECKSUM
-_LINE = re.compile(rb"([0-9a-f]{16}) (\d{1,9}) (\{.*\})\n")
 _LENGTH = re.compile(rb"[0-9a-f]{16} (\d{1,9}) ")
 _RESERVE = 2**20
 _LONGEST_SIGN = 400  # bytes
@@ -367,7 +366,10 @@ class _Parsed:
 
 
 def _line(before: bytes, record: Mapping[str, Any]) -> bytes:
-    content = json.dumps(record, allow_nan=False, separators=(", ", ": ")).encode()
+    return _format(before, json.dumps(record, allow_nan=False, separators=(", ", ": ")).encode())
+
+
+def _format(before: bytes, content: bytes) -> bytes:
     return b"%s %d %s\n" % (_line_checksum(before, content), len(content), content)
 
 
@@ -381,10 +383,11 @@ def _record(line: bytes, before: bytes) -> dict[str, Any] | None:
     before: checksum of the line before
     Raises ValueError if it is whole, and holds no record.
     """
-    match = _LINE.fullmatch(line)
-    if match is None or match[1] != _line_checksum(before, match[3]) or int(match[2]) != len(match[3]):
+    content = line[line.find(b"{") : -1]
+    if not line.endswith(b"}\n") or line != _format(before, content):
         return None
-    return dict(storage.parse_json(match[3]))  # an object, by the pattern
+    record: dict[str, Any] = storage.parse_json(content)  # an object, by its first character
+    return record
 
 
 def _strict(content: bytes, path: Path, what: str) -> _Parsed:
@@ -435,8 +438,10 @@ def _intact(content: bytes, last: bytes = _START) -> Iterator[tuple[bytes, dict[
     """Yields each complete line with its record, None if it is damaged."""
     start = 0
     while end := content.find(b"\n", start) + 1:
-        line, record = content[start:end], None
-        with contextlib.suppress(ValueError):
+        line = content[start:end]
+        try:
             record = _record(line, last)
+        except ValueError:  # `suppress` would take a tenth of the time that a long journal takes
+            record = None
         yield line, record
         last, start = line[:_CHECKSUM], end
