@@ -21,6 +21,7 @@ class Here:
             self.asked.append(task)
             try:
                 self.between(task)
-                yield Ended(task, work(task))
+                work(task)
+                yield Ended(task)
             except FridaError as error:
                 yield Ended(task, error=error)

@@ -2,68 +2,72 @@
 
 import os
 import signal
-import sys
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from frida_painter.errors import ConfigError, WorkerUnfit
 
 
-def square(number: int) -> int:
-    return number * number
+@dataclass(frozen=True)
+class Note:
+    """A task whose work leaves files in a folder."""
+
+    keep: str
+    keys: list[str]
+
+    def write(self, name: str, content: object) -> None:
+        (Path(self.keep) / name).write_text(str(content))
+
+    def is_first_try(self) -> bool:
+        try:
+            (Path(self.keep) / "tried").touch(exist_ok=False)
+        except FileExistsError:
+            return False
+        return True
 
 
-def process(number: int) -> int:
-    return os.getpid()
+reopen: Callable[[str, list[str]], Note] = Note
 
 
-def is_loaded(name: str) -> bool:
-    return name in sys.modules
-
-
-def threads(number: int) -> int:
+def tell_process(note: Note) -> None:
     import torch
 
-    return torch.get_num_threads()
+    note.write(*note.keys, f"{os.getpid()} {torch.get_num_threads()}")
 
 
-def fail_on_odd(number: int) -> int:
+def fail_on_odd(note: Note) -> None:
+    (number,) = map(int, note.keys)
     if number % 2:
         raise ValueError(f"{number} is odd")
-    return number
+    tell_process(note)
 
 
-def refuse(number: int) -> int:
+def refuse(note: Note) -> None:
     raise ConfigError("Never.")
 
 
-def unfit(number: int) -> int:
+def unfit(note: Note) -> None:
+    note.write(str(os.getpid()), "tried")
     raise WorkerUnfit("Another version.")
 
 
-def first_try(folder: str) -> bool:
-    """Whether it is called for the first time with this folder."""
-    try:
-        (Path(folder) / "tried").touch(exist_ok=False)
-    except FileExistsError:
-        return False
-    return True
-
-
-def die_at_first(folder: str) -> str:
-    if first_try(folder):
+def die_at_first(note: Note) -> None:
+    if note.is_first_try():
         os.kill(os.getpid(), signal.SIGKILL)
-    return "done"
 
 
-def hang_at_first(folder: str) -> str:
-    if first_try(folder):
-        while True:
-            time.sleep(0.1)
-    return "done"
+def hang_at_first(note: Note) -> None:
+    while note.is_first_try() or not (Path(note.keep) / "tried").exists():
+        time.sleep(1000)
 
 
-def hang(folder: str) -> str:
-    (Path(folder) / str(os.getpid())).touch()
+def hang(note: Note) -> None:
+    note.write(str(os.getpid()), "hangs")
     time.sleep(1000)
-    return "never"
+
+
+def hang_in_place(note: Note) -> None:
+    if Path(note.keep).name != "done":
+        hang(note)

@@ -81,11 +81,9 @@ OWN_FILES = {
     "registry.py",
     "objectives/weights/catalogue.py",
 }
-# Python is started by python_process.py, in which no code comes from the current folder. These start other programs, or
-# have a library start Python, `isolate_children`.
+# Python is started by python_process.py, in which no code comes from the current folder. These start other programs.
 STARTING = {
     "system/python_process.py": {"sys.executable", "subprocess.Popen"},
-    "frida_painter_lab/engine.py": {"multiprocessing", "concurrent.futures.ProcessPoolExecutor"},
     "system/video.py": {"subprocess.Popen", "subprocess.run"},
     "registry.py": {"sys.executable"},
     "objectives/weights/sources.py": {"sys.executable"},

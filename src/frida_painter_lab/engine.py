@@ -1,37 +1,46 @@
-"""The engine of a sweep: runs one function on many tasks in other processes, with retries.
+"""The engine of a sweep: does tasks in other processes, with retries. A failure stops no other task.
 
-A failure stops no other task. A task is a small plain value; large data are in files. A system alarm in the process
-ends a try that takes too long; no code can block it.
+A task is some runs of a folder, whose requests are in its files: only their keys travel to another process.
 """
 
-import multiprocessing
 import os
+import queue
 import signal
+import subprocess
 import threading
 import traceback
-from collections.abc import Callable, Generator, Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, ThreadPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import islice
-from multiprocessing import parent_process
+from importlib import import_module
 from pathlib import Path
-from queue import SimpleQueue
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
-from frida_painter.errors import FridaError, TryFailed, WorkerUnfit
+from frida_painter.errors import FridaError, ProcessLost, TryFailed, WorkerUnfit
 from frida_painter.system import python_process
-
-Task = TypeVar("Task")
-Work = Callable[[Any], Any]
-"""Function of a module, which other processes find by its name."""
+from frida_painter.system.messages import Wire, decode_error, encode_error
+from frida_painter.system.python_process import in_own_process
 
 _STARTING = 300.0  # seconds for a process to load, on a busy machine
 _STARTS = 4
-_GRACE = 20.0  # seconds after the alarm
-PRELOADED = ["frida_painter_lab.sweeps.runner", "frida_painter.brush.table_kernels", "frida_painter.render.scanline"]
-"""Imports of a run, including late ones. They are loaded once, and every process starts with them."""
+_DO_TASKS = "frida_painter_lab.engine:do_tasks"
+
+
+class Asked(Protocol):
+    """Task: runs of a folder."""
+
+    @property
+    def keep(self) -> str:
+        """Path of the folder."""
+
+    @property
+    def keys(self) -> list[str]:
+        """Keys of the runs."""
+
+
+Task = TypeVar("Task", bound=Asked)
+Work = Callable[[Any], Any]
+"""Function of a module that does a task. Its module has a function `reopen`, which makes one of `keep` and `keys`."""
 
 
 @dataclass(frozen=True)
@@ -52,10 +61,9 @@ class TaskLimits:
 
 @dataclass(frozen=True)
 class Ended(Generic[Task]):
-    """Ended task with its value, or with the error of the last try."""
+    """Ended task, with the error of the last try if all have failed."""
 
     task: Task
-    value: Any = None
     error: Exception | None = None
 
 
@@ -69,26 +77,35 @@ def slots_here(limits: TaskLimits, most: int | None = None) -> int:
     return max(1, min(cores // limits.threads, memory // limits.memory, most or cores))
 
 
-def within_limits(work: Work, task: Any, limits: TaskLimits) -> Any:
-    """Runs one try in its own process, with limited threads; the system kills it if it takes too long.
-
-    Raises TryFailed for errors of other packages, because only their text can be sent to another process.
-    """
+@in_own_process()
+def do_tasks(wire: Wire, work: str, threads: int) -> None:
+    """Does tasks as they are asked for over the link, and ends with it. work: as MODULE:FUNCTION"""
     import torch
 
-    torch.set_num_threads(limits.threads)
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.setitimer(signal.ITIMER_REAL, limits.seconds)
-    try:
-        return work(task)
-    except FridaError:
-        raise
-    except Exception as error:
-        last = traceback.extract_tb(error.__traceback__)[-1]
-        place = f"{Path(last.filename).name}, line {last.lineno}"
-        raise TryFailed(f"{type(error).__name__}: {error} ({place})"[:500]) from None
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+    name, _, function = work.partition(":")
+    module = import_module(name)
+    torch.set_num_threads(threads)
+    asked = queue.SimpleQueue[dict[str, Any]]()
+
+    def listen() -> None:
+        with suppress(ProcessLost):
+            while True:
+                asked.put(wire.receive()[0])
+        os._exit(1)  # whoever asked is gone, and nothing that goes on here is wanted
+
+    threading.Thread(target=listen, daemon=True).start()
+    wire.send({"ready": True})
+    while True:
+        told = asked.get()
+        try:
+            getattr(module, function)(module.reopen(told["keep"], told["keys"]))
+            wire.send({})
+        except FridaError as error:
+            wire.send(encode_error(error))
+        except Exception as error:
+            last = traceback.extract_tb(error.__traceback__)[-1]
+            place = f"{Path(last.filename).name}, line {last.lineno}"
+            wire.send(encode_error(TryFailed(f"{type(error).__name__}: {error} ({place})"[:500])))
 
 
 class Engine:
@@ -98,115 +115,108 @@ class Engine:
     """
 
     def __init__(self, limits: TaskLimits, slots: int) -> None:
-        self._limits, self._stopping = limits, threading.Event()
-        context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload(PRELOADED)
-        self._workers = [_Worker(context) for _ in range(slots)]
+        self._limits, self._slots = limits, slots
 
-    def run(self, work: Work, tasks: Iterable[Task]) -> Generator[Ended[Task], None, None]:
-        """Runs `work` on every task, and yields each when it ends. Closing the iterator stops the running tasks.
+    def run(self, work: Work, tasks: Sequence[Task]) -> Generator[Ended[Task], None, None]:
+        """Does `work` for every task, and yields each when it ends. Closing the iterator stops the running tasks.
 
         A WorkerUnfit error ends its task without further tries, because they would fail too.
         """
-        self._stopping.clear()
-        rest, waiting, slots = iter(tasks), set[Future[Ended[Task]]](), len(self._workers)
-        free: SimpleQueue[_Worker] = SimpleQueue()
-        for worker in self._workers:
-            free.put(worker)
-        with ThreadPoolExecutor(slots) as threads:
-            try:
-                while True:
-                    for task in islice(rest, 2 * slots - len(waiting)):
-                        waiting.add(threads.submit(self._try_task, free, work, task))
-                    if not waiting:
-                        return
-                    done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                    for future in done:
-                        yield future.result()
-            finally:
-                self._stopping.set()
-                waiting = {future for future in waiting if not future.cancel()}
-                while waiting:  # a process that is just starting is killed in the next round
-                    for worker in self._workers:
-                        worker.kill()
-                    waiting = wait(waiting, timeout=0.2).not_done
-                for worker in self._workers:
-                    worker.kill()
+        rest, done = queue.SimpleQueue[Task](), queue.SimpleQueue[Ended[Task]]()
+        for task in tasks:
+            rest.put(task)
+        workers = [_Worker(f"{work.__module__}:{work.__qualname__}", self._limits) for _ in range(self._slots)]
 
-    def _try_task(self, free: "SimpleQueue[_Worker]", work: Work, task: Task) -> Ended[Task]:
-        worker = free.get()
+        def serve(worker: _Worker) -> None:
+            with suppress(queue.Empty):
+                while not worker.is_over:
+                    task = rest.get_nowait()
+                    done.put(Ended(task, worker.find_error(task)))
+
+        threads = [threading.Thread(target=serve, args=(worker,), daemon=True) for worker in workers]
+        for thread in threads:
+            thread.start()
         try:
-            error: Exception = TryFailed("It was not tried.")
-            for _ in range(self._limits.tries):
-                if self._stopping.is_set():
-                    break
-                try:
-                    return Ended(task, worker.call(work, task, self._limits))
-                except WorkerUnfit as failure:
-                    return Ended(task, error=failure)
-                except (FridaError, OSError) as failure:
-                    error = failure
-            return Ended(task, error=error)
+            for _ in tasks:
+                yield done.get()
         finally:
-            free.put(worker)
+            for worker in workers:
+                worker.end()
+            for worker, thread in zip(workers, threads, strict=True):
+                thread.join()
+                worker.bury()
 
 
 class _Worker:
-    """Worker process, started when needed, and again after its death."""
+    """Process for one slot, started when needed, and again after its death."""
 
-    def __init__(self, context: Any) -> None:
-        self._context = context
-        self._pool: ProcessPoolExecutor | None = None
-        self._pid = 0
+    def __init__(self, work: str, limits: TaskLimits) -> None:
+        self._work, self._limits = work, limits
+        self._turn = threading.Lock()
+        self._started: tuple[subprocess.Popen[bytes], Wire] | None = None
+        self.is_over = False
 
-    def call(self, work: Work, task: Any, limits: TaskLimits) -> Any:
-        """Returns the value of one try. Raises TryFailed if the process died or hung, and the errors of the try."""
-        pool = self._pool or self._start()
-        try:
-            return pool.submit(within_limits, work, task, limits).result(limits.seconds + _GRACE)
-        except FridaError:
-            raise
-        except (BrokenProcessPool, TimeoutError) as failure:
-            self.kill()
-            raise TryFailed(
-                "Its process was killed: by the system for want of memory, by a person, or because the try lasted "
-                f"longer than {limits.seconds:g} s (time_limit)."
-            ) from failure
-
-    def _start(self) -> ProcessPoolExecutor:
-        failure: Exception | None = None
-        for _ in range(_STARTS):  # a process that is killed while it loads is started again
-            with python_process.isolate_children():
-                pool = ProcessPoolExecutor(1, mp_context=self._context, initializer=_end_with_parent)
+    def find_error(self, task: Asked) -> Exception | None:
+        """Does a task; returns the error of its last try, None if one succeeded."""
+        error: Exception = TryFailed("It was not tried.")
+        for _ in range(self._limits.tries):
+            if self.is_over:
+                break
             try:
-                with python_process.isolate_children():
-                    starting = pool.submit(os.getpid)
-                self._pid, self._pool = starting.result(_STARTING), pool
-                return pool
-            except (BrokenProcessPool, TimeoutError, EOFError, OSError) as error:  # the fork server may die as well
-                failure = error
-                pool.shutdown(wait=False, cancel_futures=True)
-        raise WorkerUnfit(
-            "No process for the runs could be started; in a script of your own, call it below "
-            '`if __name__ == "__main__":`, and see what was said above.'
-        ) from failure
+                wire = self._open()
+                wire.send({"keep": task.keep, "keys": task.keys})
+                words, _ = wire.receive(self._limits.seconds)
+            except ProcessLost:
+                self.bury()
+                error = TryFailed(
+                    "Its process was killed: by the system for want of memory, by a person, or because the try lasted "
+                    f"longer than {self._limits.seconds:g} s (time_limit)."
+                )
+                continue
+            except WorkerUnfit as failure:
+                return failure
+            if "error" not in words:
+                return None
+            error = decode_error(words, TryFailed)
+            if isinstance(error, WorkerUnfit):
+                break
+        return error
 
-    def kill(self) -> None:
-        """Kills the process at once."""
-        if self._pool is not None:
-            with suppress(ProcessLookupError):
-                os.kill(self._pid, signal.SIGKILL)
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = None
+    def _open(self) -> Wire:
+        """Returns the link to the process, which is started if there is none. Raises WorkerUnfit."""
+        failure = ProcessLost("none was tried")
+        for _ in range(_STARTS):  # a process that is killed while it loads is started again
+            try:
+                with self._turn:
+                    if self.is_over:
+                        raise ProcessLost("its work is over")
+                    if self._started is not None:
+                        return self._started[1]
+                    given = {"work": self._work, "threads": self._limits.threads}
+                    self._started = python_process.start_function(_DO_TASKS, given, start_new_session=True)
+                self._started[1].receive(_STARTING)
+                return self._started[1]
+            except ProcessLost as lost:
+                failure = lost
+                self.bury()
+        raise WorkerUnfit(f"No process for the runs could be started ({failure}); see what was said above.")
 
+    def end(self) -> None:
+        """Kills the process at once, and lets no other be started; the thread that waits for it hears of it."""
+        self.is_over = True
+        self._kill()
 
-def _end_with_parent() -> None:
-    """Ignores Ctrl-C, which is for the parent process, and ends this process when the parent dies."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    def bury(self) -> None:
+        """Kills the process, and waits for its end."""
+        self._kill()
+        if self._started is not None:
+            process, wire = self._started
+            self._started = None
+            wire.close()
+            process.wait()
 
-    def follow() -> None:
-        if (parent := parent_process()) is not None:
-            parent.join()
-            os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
+    def _kill(self) -> None:
+        with self._turn:
+            if self._started is not None:
+                with suppress(OSError):
+                    os.killpg(self._started[0].pid, signal.SIGKILL)

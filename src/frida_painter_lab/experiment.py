@@ -8,22 +8,27 @@ and an interrupted experiment continues from there.
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cache, cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from torch import Tensor
 
+from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import StorageError, TryFailed, WorkerUnfit
 from frida_painter.system import images, storage
 from frida_painter_lab.engine import Engine, TaskLimits, slots_here
 from frida_painter_lab.runs import Labels, Run, RunFolder, Value
+from frida_painter_lab.targets import Target
 
 Row = Mapping[str, Value]
+AnyRun = TypeVar("AnyRun", bound=Run)
+_REQUEST, _LIBRARY = "request.json", "library.npz"
 _LIMITS = TaskLimits(seconds=6 * 3600.0, threads=1, memory=1500, tries=2)
 
 
@@ -203,10 +208,6 @@ class Experiment(ABC):
     brush: str = "broad"
     quick: bool = False
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Returns the options alone; another process computes the rest again."""
-        return {one.name: getattr(self, one.name) for one in fields(self)}
-
     @property
     def heading(self) -> str:
         """One line for people."""
@@ -275,6 +276,7 @@ class Experiment(ABC):
         shares = self.shares(keep)
         slots = min(slots_here(_LIMITS, jobs), len(shares))
         if slots > 1:
+            self.keep_request(keep)
             failures = do_shares(measure_share, shares, keep, _LIMITS, slots, len(self.all_runs), notify)
             if failures:
                 first = next(iter(failures.values()))
@@ -292,6 +294,12 @@ class Experiment(ABC):
                 rest = {name: value for name, value in run.labels.items() if name != self.SHARING}
                 found.setdefault(json.dumps(rest), []).append(run)
         return [Share(tuple(runs), str(keep), self) for runs in found.values()]
+
+    def keep_request(self, keep: Path) -> None:
+        """Writes the options, from which another process opens the same experiment. Raises StorageError."""
+        told = {one.name: _plain(getattr(self, one.name), keep) for one in fields(self) if one.compare}
+        place = f"{type(self).__module__}:{type(self).__qualname__}"
+        storage.write_json(keep / _REQUEST, {"experiment": place, "options": told})
 
     def measure_or_load(self, run: Run, keep: Path | None, notify: Notify) -> Measurement:
         """Returns the measurement of a run, from `keep` if it is there. Raises StorageError, errors of `measure`."""
@@ -337,12 +345,65 @@ class Share:
     keep: str
     experiment: Experiment | None = None
 
+    @property
+    def keys(self) -> list[str]:
+        """Keys of the runs."""
+        return [run.key for run in self.runs]
+
 
 def measure_share(share: Share) -> None:
     """Does those runs of a share that are not done yet."""
     assert share.experiment is not None
     for run in share.runs:
         share.experiment.measure_or_load(run, Path(share.keep), silent)
+
+
+def reopen(keep: str, keys: Sequence[str]) -> Share:
+    """Returns runs of the experiment that was asked for in a folder, for another process than that which asked."""
+    experiment = _read_request(keep)
+    return Share(find_runs(experiment.all_runs, keys), keep, experiment)
+
+
+def find_runs(runs: Iterable[AnyRun], keys: Sequence[str]) -> tuple[AnyRun, ...]:
+    """Returns the runs with these keys. Raises WorkerUnfit if there are others here."""
+    found = {run.key: run for run in runs}
+    if not found.keys() >= set(keys):
+        raise WorkerUnfit("The program or a picture has changed since the runs were asked for; begin again.")
+    return tuple(found[key] for key in keys)
+
+
+@cache
+def _read_request(keep: str) -> Experiment:
+    told = storage.read_json(Path(keep) / _REQUEST, "the request of an experiment")
+    module, _, name = told["experiment"].partition(":")
+    kind: type[Experiment] = getattr(import_module(module), name)
+    return kind(**{name: _value(plain) for name, plain in told["options"].items()})
+
+
+def _plain(value: Any, keep: Path) -> Any:
+    """Returns an option as plain values; a library that was painted goes into a file of `keep`."""
+    if isinstance(value, StrokeLibrary):
+        value.save(keep / _LIBRARY)
+        return {"library": str(keep / _LIBRARY)}
+    if isinstance(value, Target | Path):
+        return {"target": str(value.path)} if isinstance(value, Target) else {"path": str(value)}
+    if isinstance(value, tuple):
+        return [_plain(one, keep) for one in value]
+    return {"mapping": dict(value)} if isinstance(value, Mapping) else value
+
+
+def _value(plain: Any) -> Any:
+    if isinstance(plain, list):
+        return tuple(map(_value, plain))
+    if not isinstance(plain, dict):
+        return plain
+    ((kind, told),) = plain.items()
+    return _KINDS[kind](told)
+
+
+_KINDS: Mapping[str, Callable[[Any], Any]] = {
+    "library": StrokeLibrary.load, "target": lambda path: Target.read(Path(path)), "path": Path, "mapping": dict,
+}  # fmt: skip
 
 
 def do_shares(

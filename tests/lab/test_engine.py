@@ -2,98 +2,110 @@
 
 import os
 import time
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import sweep_works
-from frida_painter.errors import ConfigError, TryFailed, WorkerUnfit
+from frida_painter.errors import ConfigError, ProcessLost, TryFailed, WorkerUnfit
+from frida_painter.system import python_process
 from frida_painter_lab import engine as engines
 from frida_painter_lab.engine import Engine, TaskLimits, slots_here
+from sweep_works import Note
 
 
 @pytest.fixture(autouse=True)
-def _light(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Workers load what a task needs, and no planner, but for one test."""
-    monkeypatch.setattr(engines, "PRELOADED", ["frida_painter.errors", "torch"])
+def _found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other processes find the works of tests."""
+    monkeypatch.setenv(
+        "PYTHONPATH", os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    )
 
 
 def engine(seconds: float = 60.0, tries: int = 2, slots: int = 1, threads: int = 1) -> Engine:
     return Engine(TaskLimits(seconds, threads=threads, memory=100, tries=tries), slots)
 
 
-def test_every_task_ends_once_in_processes_that_stay_and_failures_stop_nothing() -> None:
-    one = engine(threads=3)
-    found = {ended.task: ended for ended in one.run(sweep_works.fail_on_odd, range(4))}
-    assert [found[number].value for number in range(4)] == [0, None, 2, None]
-    assert isinstance(found[1].error, TryFailed)
-    assert "ValueError: 1 is odd (sweep_works.py, line" in str(found[1].error)
-    processes = {ended.value for ended in one.run(sweep_works.process, range(5))}
-    assert len(processes) == 1 and os.getpid() not in processes
-    assert [ended.value for ended in one.run(sweep_works.threads, [0])] == [3]
-    assert sorted(ended.value for ended in engine(slots=2).run(sweep_works.square, range(9)))[-1] == 64
+def notes(folder: Path, count: int = 1) -> list[Note]:
+    return [Note(str(folder), [str(number)]) for number in range(count)]
+
+
+def told(folder: Path) -> dict[str, list[str]]:
+    return {path.name: path.read_text().split() for path in folder.iterdir()}
+
+
+def test_every_task_ends_once_in_processes_that_stay_and_failures_stop_nothing(tmp_path: Path) -> None:
+    found = {
+        ended.task.keys[0]: ended.error for ended in engine(threads=3).run(sweep_works.fail_on_odd, notes(tmp_path, 4))
+    }
+    assert found["0"] is None is found["2"] and isinstance(found["1"], TryFailed)
+    assert "ValueError: 1 is odd (sweep_works.py, line" in str(found["1"])
+    (process, threads), again = told(tmp_path)["0"], told(tmp_path)["2"]
+    assert [process, threads] == again and threads == "3" and process != str(os.getpid())
+    tasks = notes(tmp_path, 9)
+    ended = list(engine(slots=2).run(sweep_works.tell_process, tasks))
+    assert sorted(one.task.keys for one in ended) == [task.keys for task in tasks]
+    assert not any(one.error for one in ended) and len(told(tmp_path)) == 9
 
 
 @pytest.mark.parametrize(("work", "kind"), [(sweep_works.refuse, ConfigError), (sweep_works.unfit, WorkerUnfit)])
-def test_errors_keep_their_kind_and_their_sentence(work, kind: type[Exception]) -> None:
-    (ended,) = engine().run(work, [0])
+def test_errors_keep_their_kind_and_their_sentence(work: Any, kind: type[Exception], tmp_path: Path) -> None:
+    (ended,) = engine().run(work, notes(tmp_path))
     assert isinstance(ended.error, kind) and str(ended.error) in ("Never.", "Another version.")
 
 
 @pytest.mark.parametrize("work", [sweep_works.die_at_first, sweep_works.hang_at_first])
-def test_a_process_that_dies_or_hangs_is_replaced_and_its_task_done_again(tmp_path: Path, work) -> None:
-    (ended,) = engine(seconds=2.0).run(work, [str(tmp_path)])
-    assert ended.value == "done" and ended.error is None
+def test_a_process_that_dies_or_hangs_is_replaced_and_its_task_done_again(tmp_path: Path, work: Any) -> None:
+    (ended,) = engine(seconds=2.0).run(work, notes(tmp_path))
+    assert ended.error is None and (tmp_path / "tried").exists()
 
 
-@pytest.mark.parametrize("death", [BrokenProcessPool, EOFError, ConnectionResetError])
 def test_a_process_that_is_killed_while_it_starts_is_started_again(
-    death: type[Exception], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    class DiesAtFirst(ProcessPoolExecutor):
-        starts = 0
+    start, starts = python_process.start_function, []
 
-        def submit(self, *words, **more):
-            DiesAtFirst.starts += 1
-            if DiesAtFirst.starts in (1, 2):
-                raise death
-            return super().submit(*words, **more)
+    def start_and_kill(*words: Any, **more: Any) -> Any:
+        process, wire = start(*words, **more)
+        starts.append(process)
+        if len(starts) == 1:
+            process.kill()
+        elif len(starts) == 2:
+            wire.close()
+            raise ProcessLost("It cannot be started.")
+        return process, wire
 
-    monkeypatch.setattr(engines, "ProcessPoolExecutor", DiesAtFirst)
-    assert [ended.value for ended in engine(tries=1).run(sweep_works.square, [3])] == [9]
+    monkeypatch.setattr(python_process, "start_function", start_and_kill)
+    (ended,) = engine(tries=1).run(sweep_works.tell_process, notes(tmp_path))
+    assert ended.error is None and len(starts) == 3
     monkeypatch.setattr(engines, "_STARTS", 0)
-    (ended,) = engine(tries=1).run(sweep_works.square, [3])
+    (ended,) = engine(tries=1).run(sweep_works.tell_process, notes(tmp_path))
     assert isinstance(ended.error, WorkerUnfit)
+    for process in starts:
+        process.wait(60)
 
 
 def test_a_task_that_never_ends_is_given_up(tmp_path: Path) -> None:
-    (ended,) = engine(seconds=2.0).run(sweep_works.hang, [str(tmp_path)])
+    (ended,) = engine(seconds=2.0).run(sweep_works.hang, notes(tmp_path))
     assert "was killed" in str(ended.error) and "2 s" in str(ended.error)
     assert len(list(tmp_path.iterdir())) == 2, "it was tried twice"
 
 
 def test_closing_ends_what_is_going_on(tmp_path: Path) -> None:
-    def tasks() -> Iterator[str]:
-        yield str(tmp_path)
+    (tmp_path / "done").mkdir()
+    works = [Note(str(tmp_path / "done"), ["1"]), Note(str(tmp_path), ["2"])]
+    started = time.monotonic()
+    with closing(engine(seconds=600.0).run(sweep_works.hang_in_place, works)) as ended:
+        assert next(ended).error is None
         for _ in range(6000):
-            if any(tmp_path.iterdir()):
+            if len(list(tmp_path.iterdir())) > 1:
                 break
             time.sleep(0.01)
-        raise KeyboardInterrupt
-
-    started = time.monotonic()
-    with pytest.raises(KeyboardInterrupt):
-        list(engine(seconds=600.0).run(sweep_works.hang, tasks()))
     assert time.monotonic() - started < 300, "the task would have lasted 1000 s"
-    (pid,) = (int(path.name) for path in tmp_path.iterdir())
-    for _ in range(600):
-        if not Path(f"/proc/{pid}").exists() or "Z" in Path(f"/proc/{pid}/stat").read_text().split(")")[1][:3]:
-            return
-        time.sleep(0.1)
-    raise AssertionError("the process still lives")
+    (pid,) = (int(path.name) for path in tmp_path.iterdir() if path.is_file())
+    assert not Path(f"/proc/{pid}").exists()
 
 
 def test_slots_follow_from_cores_and_memory() -> None:

@@ -9,7 +9,7 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter.errors import TryFailed
+from frida_painter.errors import TryFailed, WorkerUnfit
 from frida_painter_lab import experiment as carrier
 from frida_painter_lab import runs as running
 from frida_painter_lab.experiment import (
@@ -20,10 +20,16 @@ from frida_painter_lab.experiment import (
     Results,
     ResultTable,
     measure_share,
+    reopen,
     silent,
     within,
 )
+from frida_painter_lab.goals import SketchExperiment, TextExperiment
 from frida_painter_lab.runs import Run, RunFolder
+from frida_painter_lab.simulation_gap import Sim2Real
+from frida_painter_lab.stroke_models import StrokesNeeded
+from frida_painter_lab.targets import load_shipped_targets
+from marks import small_library
 from sweep_engine import Here
 
 PICTURE = torch.rand(3, 20, 20, generator=torch.Generator().manual_seed(0))
@@ -120,6 +126,24 @@ def test_in_processes_failures_stop_no_other_and_are_told(tmp_path: Path, monkey
     share = carrier.Share((Counting().all_runs[0],), str(tmp_path), Counting())
     measure_share(share)
     assert share.experiment.asked == [], "what is done is only read"
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        StrokesNeeded(quick=True, library=small_library(20), title="drawn", seeds=(3,)),
+        Sim2Real(photos=load_shipped_targets(("cat", "coffee")), seeds=(1, 2), brush="fine"),
+        SketchExperiment(drawings=load_shipped_targets(("pear",)), style=load_shipped_targets(("tissue",))[0]),
+        TextExperiment(first=2),
+    ],
+)
+def test_another_process_finds_the_same_runs(asked: Experiment, tmp_path: Path) -> None:
+    asked.keep_request(tmp_path)
+    keys = [run.key for run in asked.all_runs]
+    share = reopen(str(tmp_path), keys[1:])
+    assert type(share.experiment) is type(asked) and share.keys == keys[1:] and share.keep == str(tmp_path)
+    with pytest.raises(WorkerUnfit, match="has changed"):
+        reopen(str(tmp_path), ["0" * 20])
 
 
 def test_results_are_found_by_their_labels() -> None:

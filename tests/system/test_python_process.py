@@ -29,11 +29,6 @@ ROOT = Path(frida_painter.__file__).parent
 POISON = "import posix\nposix.close(posix.open({!r}, posix.O_CREAT | posix.O_WRONLY, 0o600))\n"
 OF_PYTHON = {*sys.stdlib_module_names, "sitecustomize", "usercustomize", "frida_painter"}
 PARTS = "[frida_painter.robots]\npoison = poison:KIND\n[frida_painter.mixers]\npoison = poison:KIND\n"
-ONE_TASK = """
-from frida_painter_lab.engine import Engine, TaskLimits
-if __name__ == "__main__":
-    print(*(ended.value for ended in Engine(TaskLimits(), 1).run(len, ["abc"])))
-"""
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +78,7 @@ FUNCTIONS: dict[str, tuple[dict[str, Any], str]] = {
         {"path": Path("a.png"), "file": "FILE", "most_pixels": 9999, "longest": 9, "layered": False}, "result"
     ),
     "frida_painter_words.picture_makers.pipeline_process:make_pictures": ({"task": PIPELINE}, "tell"),
+    "frida_painter_lab.engine:do_tasks": ({"work": "frida_painter_lab.sweeps.runner:perform", "threads": 1}, "ready"),
     "frida_painter_studio.reader:decode_upload": ({"content": picture()}, "result"),
     "frida_painter_studio.reader:check_makers": ({"makers": ("command:true", "diffusers:a/b")}, "result"),
     "frida_painter_studio.reader:read_canvas": ({"workspace": Path("none")}, "error"),
@@ -137,15 +133,6 @@ def test_no_process_loads_code_from_the_current_folder(child: str, among_poison:
     process = python_process.start("-m", child, *arguments, stderr=subprocess.PIPE)
     said = process.communicate(timeout=300)[1]
     assert (loaded(among_poison), process.returncode) == ([], status), said.decode()
-
-
-def test_no_process_of_a_sweep_loads_code_from_the_current_folder(place: Path, tmp_path: Path) -> None:
-    script = tmp_path / "own" / "sweep.py"
-    script.parent.mkdir()
-    script.write_text(ONE_TASK)
-    given = {**os.environ, "PYTHONPATH": str(ROOT.parent)}
-    done = subprocess.run([sys.executable, script], cwd=place / "all", env=given, capture_output=True, text=True)
-    assert (loaded(place), done.stdout) == ([], "3\n"), done.stderr
 
 
 @pytest.mark.parametrize(("path", "word", "said"), [("", "doctor", "marlin"), (os.pathsep, "--help", "resume")])

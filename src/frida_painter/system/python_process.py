@@ -2,8 +2,7 @@
 
 `python -m` and `python -c` put the current folder first on the path of modules, so that a file `filelock.py` of a
 painting's folder would be imported. All Python processes of the painter are started here, and load no code from it.
-Libraries that start Python themselves, such as multiprocessing, pass on the environment that `isolate` and
-`isolate_children` set.
+Libraries that start Python themselves, such as multiprocessing, pass on the environment that `isolate` sets.
 
 `python -m frida_painter.system.python_process MODULE:FUNCTION SOCKET` calls a function that is marked with
 `in_own_process`. Its arguments come over the inherited socket, and its result, progress or error goes back
@@ -25,8 +24,8 @@ import threading
 import time
 import traceback
 from collections import abc
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -46,7 +45,6 @@ _FOLDERS = (
 """Variables that name folders of code. An empty or relative entry means the current folder, or one below it."""
 _DROPPED = ("PYTHONINSPECT", "PYTHONSTARTUP")  # with the first, Python would run what it finds on its standard input
 _GLANCE = 0.05  # seconds between two looks at a process
-_TURN = threading.Lock()
 _SAFE, _OURS = "PYTHONSAFEPATH", "frida-painter"  # any text counts as yes; this one is taken back for other programs
 
 
@@ -116,26 +114,9 @@ def isolate() -> None:
         with suppress(FileNotFoundError):  # the current folder is gone
             dropped = {str(Path(entry).absolute()) for entry in given} - {*kept}
             sys.path[:] = [entry for entry in sys.path if entry not in dropped]
-    _set_environment(isolated)
-
-
-@contextmanager
-def isolate_children() -> Iterator[None]:
-    """Isolates this process as `isolate` does, for a library that starts Python within the block."""
-    with _TURN:
-        before, path = dict(os.environ), [*sys.path]
-        isolate()
-        try:
-            yield
-        finally:
-            sys.path[:] = path
-            _set_environment(before)
-
-
-def _set_environment(wanted: dict[str, str]) -> None:
-    for name in os.environ.keys() - wanted:
+    for name in os.environ.keys() - isolated:
         del os.environ[name]
-    os.environ.update(wanted)
+    os.environ.update(isolated)
 
 
 @cache

@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,24 @@ from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
 from frida_painter.system.provenance import describe_here, identify
 from frida_painter_lab.engine import TaskLimits, slots_here
-from frida_painter_lab.experiment import Notify, Share, do_shares, silent
+from frida_painter_lab.experiment import Notify, Share, do_shares, find_runs, silent
 from frida_painter_lab.measures import mse, psnr
 from frida_painter_lab.runs import RunFolder
 from frida_painter_lab.sweeps.report import SweepState, fold, keep_table
 from frida_painter_lab.sweeps.sweep_spec import FileHashes, SweepFolder, SweepRun, SweepSpec, expand_runs
 
 # A run in a process of an engine: plans, paints or evaluates it, and writes the results to its folder.
-# This module is loaded before the first run, so that no run waits for PyTorch.
+
+
+def reopen(keep: str, keys: Sequence[str]) -> Share:
+    """Returns runs of the sweep in a folder, for another process than that which asks."""
+    return Share(find_runs(_read_runs(keep), keys), keep)
+
+
+@cache
+def _read_runs(keep: str) -> tuple[SweepRun, ...]:
+    spec, known, _, program = SweepFolder(Path(keep)).read_request()
+    return expand_runs(spec, FileHashes(known), program)
 
 
 def perform(share: Share) -> dict[str, Any]:
@@ -132,16 +143,14 @@ def sweep(
     notify: hears the progress
     most: greatest number of runs; None for any
 
-    A script must call it below `if __name__ == "__main__":`, because it starts processes.
     Raises ConfigError for an invalid sweep, SweepBusy if another process works on the folder, StorageError if the
     disk is full, WorkerUnfit if processes cannot work.
 
         >>> import frida_painter as fp
         >>> wanted = {"settings": {"image": "photo.jpg", "strokes": 5, "render_height": 64}, "grid": {"seed": [0, 1]}}
-        >>> if __name__ == "__main__":  # a sweep starts processes
-        ...     outcome = fp.sweep(wanted, "seeds", jobs=1)
-        ...     print(len(outcome.records), len(outcome.failures))
-        2 0
+        >>> outcome = fp.sweep(wanted, "seeds", jobs=1)
+        >>> len(outcome.records), len(outcome.failures)
+        (2, 0)
     """
     if isinstance(what, SweepSpec):
         spec = what

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 from torch import Tensor
 
@@ -28,10 +28,6 @@ class Target:
     def words(self) -> str:
         """Name as words."""
         return self.name.replace("-", " ").replace("_", " ")
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickles the path only, so that another process reads the file."""
-        return Target.read, (self.path,)
 
     @classmethod
     def read(cls, path: Path) -> Self:
