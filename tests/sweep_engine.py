@@ -16,7 +16,7 @@ class Here:
         self.between = between
         self.asked: list[Any] = []
 
-    def run(self, work: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Ended[Any], None, None]:
+    def run(self, work: Callable[[Any], Any], tasks: Iterable[Any]) -> Generator[Ended, None, None]:
         for task in tasks:
             self.asked.append(task)
             try:

@@ -22,22 +22,9 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import EaselKind
 from frida_painter.errors import ConfigError, FridaError, MakingFailed, PluginError
 from frida_painter.frames import PixelGrid
+from frida_painter.hardware import robot
 from frida_painter.hardware.easel import PersonStroke
 from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind
-from frida_painter.hardware.robot import (
-    Camera,
-    ExaminedRobot,
-    GuidedRobot,
-    LimitedRobot,
-    LiveCamera,
-    LooseRobot,
-    PausableRobot,
-    Reach,
-    Robot,
-    TimedRobot,
-    TouchProbe,
-    ZeroedRobot,
-)
 from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import MixerKind
@@ -66,10 +53,11 @@ _CANVAS = CanvasSize(0.12, 0.09)
 _ROWS = 48
 _COUNT = 6
 _ABILITIES = (
-    *(Reach, ZeroedRobot, TimedRobot, LimitedRobot),
-    *(ExaminedRobot, GuidedRobot, PausableRobot, LooseRobot, TouchProbe),
+    *(robot.Reach, robot.ZeroedRobot, robot.TimedRobot, robot.LimitedRobot),
+    *(robot.ExaminedRobot, robot.GuidedRobot, robot.PausableRobot, robot.LooseRobot, robot.TouchProbe),
+    robot.LiveCamera,
 )
-"""Optional protocols of a robot."""
+"""Optional protocols of a robot or a camera."""
 
 
 @dataclass(frozen=True)
@@ -211,21 +199,18 @@ def _try_robot(kind: RobotKind, given: _Given) -> None:
     place = FlatbedWorkspace().motion(_CANVAS).workspace
     place = replace(place, home=(0.0, 0.0, place.upper[2]))
     if _sample(kind.form):
-        refusal = "refuse it with ConfigError and a sentence."
+        went_on = "was accepted"
         try:
             kind.open(MachineName.of(kind.name, kind.form), place)
         except FridaError:
-            pass
+            went_on = ""
         except Exception as failure:  # what should have been refused went on
-            raise PluginError(f"A name without its place raised {type(failure).__name__}; {refusal}") from failure
-        else:
-            raise PluginError(f"A name without its place was accepted; {refusal}")
+            went_on = f"raised {type(failure).__name__}"
+        _require(not went_on, f"A name without its place {went_on}; refuse it with ConfigError and a sentence.")
     text = given.text(_sample(kind.form) or kind.name)
     named = text if text.partition(":")[0] == kind.name else f"{kind.name}:{text}"
     machine = MachineName.of(named, kind.form)
-    made = _open_or_ask(lambda: kind.open(machine, place), given)
-    for protocol in (Robot, *(ability for ability in _ABILITIES if isinstance(made, ability))):
-        registry.require_like(made, protocol, "Its driver")
+    _open_device(lambda: kind.open(machine, place), given, robot.Robot)
     identities = kind.identify(machine)
     _require(
         isinstance(identities, frozenset) and bool(identities),
@@ -238,22 +223,25 @@ def _sample(form: str) -> str:
     return form.partition("[")[0].partition(":")[2]
 
 
-def _open_or_ask(make: Callable[[], Any], given: _Given) -> Any:
-    """Returns the opened part. Raises ConfigError, which asks for an example, if it was opened without one in vain."""
+def _open_device(make: Callable[[], Any], given: _Given, protocol: type) -> None:
+    """Opens a driver, and requires its protocol and those of its abilities.
+
+    Raises ConfigError, which asks for an example, if it was opened without one in vain.
+    """
     try:
-        return make()
+        made = make()
     except FridaError as refusal:
         if given.name in given.examples:
             raise
         raise ConfigError(
             f"It could not be looked at, as its form is no place ({refusal}); give examples={{{given.name!r}: TEXT}}."
         ) from refusal
+    for wanted in (protocol, *(ability for ability in _ABILITIES if isinstance(made, ability))):
+        registry.require_like(made, wanted, "Its driver")
 
 
 def _try_camera(kind: CameraKind, given: _Given) -> None:
-    made = _open_or_ask(lambda: kind.open(given.text(_sample(kind.form))), given)
-    for protocol in (Camera, *([LiveCamera] if isinstance(made, LiveCamera) else [])):
-        registry.require_like(made, protocol, "Its driver")
+    _open_device(lambda: kind.open(given.text(_sample(kind.form))), given, robot.Camera)
 
 
 def _try_easel(kind: EaselKind, given: _Given) -> None:

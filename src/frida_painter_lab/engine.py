@@ -14,33 +14,38 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any
 
 from frida_painter.errors import FridaError, ProcessLost, TryFailed, WorkerUnfit
 from frida_painter.system import python_process
 from frida_painter.system.messages import Wire, decode_error, encode_error
 from frida_painter.system.python_process import in_own_process
+from frida_painter_lab.runs import Run
 
 _STARTING = 300.0  # seconds for a process to load, on a busy machine
-_STARTS = 4
 _DO_TASKS = "frida_painter_lab.engine:do_tasks"
 
 
-class Asked(Protocol):
-    """Task: runs of a folder."""
+@dataclass(frozen=True)
+class Share:
+    """Runs that one process does, one after another.
 
-    @property
-    def keep(self) -> str:
-        """Path of the folder."""
+    keep: path of their folder
+    experiment: that measures them; None for runs of a sweep
+    """
+
+    runs: tuple[Run, ...]
+    keep: str
+    experiment: Any = None
 
     @property
     def keys(self) -> list[str]:
         """Keys of the runs."""
+        return [run.key for run in self.runs]
 
 
-Task = TypeVar("Task", bound=Asked)
-Work = Callable[[Any], Any]
-"""Function of a module that does a task. Its module has a function `reopen`, which makes one of `keep` and `keys`."""
+Work = Callable[[Share], Any]
+"""Function of a module that does a share. Its module has a function `reopen`, which finds one by `keep` and `keys`."""
 
 
 @dataclass(frozen=True)
@@ -60,10 +65,10 @@ class TaskLimits:
 
 
 @dataclass(frozen=True)
-class Ended(Generic[Task]):
-    """Ended task, with the error of the last try if all have failed."""
+class Ended:
+    """Ended share, with the error of the last try if all have failed."""
 
-    task: Task
+    task: Share
     error: Exception | None = None
 
 
@@ -117,12 +122,12 @@ class Engine:
     def __init__(self, limits: TaskLimits, slots: int) -> None:
         self._limits, self._slots = limits, slots
 
-    def run(self, work: Work, tasks: Sequence[Task]) -> Generator[Ended[Task], None, None]:
+    def run(self, work: Work, tasks: Sequence[Share]) -> Generator[Ended, None, None]:
         """Does `work` for every task, and yields each when it ends. Closing the iterator stops the running tasks.
 
         A WorkerUnfit error ends its task without further tries, because they would fail too.
         """
-        rest, done = queue.SimpleQueue[Task](), queue.SimpleQueue[Ended[Task]]()
+        rest, done = queue.SimpleQueue[Share](), queue.SimpleQueue[Ended]()
         for task in tasks:
             rest.put(task)
         workers = [_Worker(f"{work.__module__}:{work.__qualname__}", self._limits) for _ in range(self._slots)]
@@ -154,27 +159,28 @@ class _Worker:
         self._work, self._limits = work, limits
         self._turn = threading.Lock()
         self._started: tuple[subprocess.Popen[bytes], Wire] | None = None
-        self.is_over = False
+        self.is_over = self._is_ready = False
 
-    def find_error(self, task: Asked) -> Exception | None:
+    def find_error(self, task: Share) -> Exception | None:
         """Does a task; returns the error of its last try, None if one succeeded."""
         error: Exception = TryFailed("It was not tried.")
         for _ in range(self._limits.tries):
             if self.is_over:
                 break
+            wire = None
             try:
                 wire = self._open()
                 wire.send({"keep": task.keep, "keys": task.keys})
                 words, _ = wire.receive(self._limits.seconds)
-            except ProcessLost:
+            except ProcessLost as lost:
                 self.bury()
-                error = TryFailed(
-                    "Its process was killed: by the system for want of memory, by a person, or because the try lasted "
-                    f"longer than {self._limits.seconds:g} s (time_limit)."
-                )
+                error = WorkerUnfit(f"No process for the runs could be started ({lost}); see what was said above.")
+                if wire is not None:
+                    error = TryFailed(
+                        "Its process was killed: by the system for want of memory, by a person, or because the try "
+                        f"lasted longer than {self._limits.seconds:g} s (time_limit)."
+                    )
                 continue
-            except WorkerUnfit as failure:
-                return failure
             if "error" not in words:
                 return None
             error = decode_error(words, TryFailed)
@@ -183,23 +189,19 @@ class _Worker:
         return error
 
     def _open(self) -> Wire:
-        """Returns the link to the process, which is started if there is none. Raises WorkerUnfit."""
-        failure = ProcessLost("none was tried")
-        for _ in range(_STARTS):  # a process that is killed while it loads is started again
-            try:
-                with self._turn:
-                    if self.is_over:
-                        raise ProcessLost("its work is over")
-                    if self._started is not None:
-                        return self._started[1]
-                    given = {"work": self._work, "threads": self._limits.threads}
-                    self._started = python_process.start_function(_DO_TASKS, given, start_new_session=True)
-                self._started[1].receive(_STARTING)
-                return self._started[1]
-            except ProcessLost as lost:
-                failure = lost
-                self.bury()
-        raise WorkerUnfit(f"No process for the runs could be started ({failure}); see what was said above.")
+        """Returns the link to the process, which is started if there is none. Raises ProcessLost."""
+        with self._turn:
+            if self._started is None and not self.is_over:
+                given = {"work": self._work, "threads": self._limits.threads}
+                self._started = python_process.start_function(_DO_TASKS, given, start_new_session=True)
+                self._is_ready = False
+            if self._started is None:
+                raise ProcessLost("its work is over")
+            wire = self._started[1]
+        if not self._is_ready:
+            wire.receive(_STARTING)
+            self._is_ready = True
+        return wire
 
     def end(self) -> None:
         """Kills the process at once, and lets no other be started; the thread that waits for it hears of it."""

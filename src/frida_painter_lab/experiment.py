@@ -8,7 +8,8 @@ and an interrupted experiment continues from there.
 import json
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections import UserDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, fields
 from functools import cache, cached_property
@@ -22,7 +23,7 @@ from torch import Tensor
 from frida_painter.brush.library import StrokeLibrary
 from frida_painter.errors import StorageError, TryFailed, WorkerUnfit
 from frida_painter.system import images, storage
-from frida_painter_lab.engine import Engine, TaskLimits, slots_here
+from frida_painter_lab.engine import Engine, Share, TaskLimits, slots_here
 from frida_painter_lab.runs import Labels, Run, RunFolder, Value
 from frida_painter_lab.targets import Target
 
@@ -69,13 +70,16 @@ class ResultTable:
     rows: Sequence[Row]
     notes: Sequence[str] = ()
 
+    def cells(self) -> list[list[str]]:
+        """Returns the values of each row as people read them."""
+        return [[format_value(row[name]) for name in self.rows[0]] for row in self.rows]
+
     def markdown(self) -> str:
         """Returns the table in Markdown, numbers at the right and with four significant digits."""
         columns = tuple(self.rows[0]) if self.rows else ()
         words = {name for name in columns if any(isinstance(row[name], str | bool) for row in self.rows)}
         sides = ["---" if name in words else "---:" for name in columns]
-        cells = [columns, sides, *([format_value(row[name]) for name in columns] for row in self.rows)]
-        lines = [f"| {' | '.join(line)} |" for line in cells]
+        lines = [f"| {' | '.join(line)} |" for line in (columns, sides, *self.cells())]
         return "\n".join([f"**{self.title}**", "", *lines, *([""] if self.notes else []), *self.notes]) + "\n"
 
 
@@ -286,7 +290,7 @@ class Experiment(ABC):
                 )
         return self.run(keep, notify)
 
-    def shares(self, keep: Path) -> "list[Share]":
+    def shares(self, keep: Path) -> list[Share]:
         """Returns the runs that are not in `keep`, grouped by shared work."""
         found: dict[str, list[Run]] = {}
         for run in self.all_runs:
@@ -333,24 +337,6 @@ class Experiment(ABC):
         return Results([(labels, one) for labels, one in found if one is not None])
 
 
-@dataclass(frozen=True)
-class Share:
-    """Runs that one process does, one after another.
-
-    keep: folder of finished runs
-    experiment: that measures them; None for runs of a sweep
-    """
-
-    runs: tuple[Run, ...]
-    keep: str
-    experiment: Experiment | None = None
-
-    @property
-    def keys(self) -> list[str]:
-        """Keys of the runs."""
-        return [run.key for run in self.runs]
-
-
 def measure_share(share: Share) -> None:
     """Does those runs of a share that are not done yet."""
     assert share.experiment is not None
@@ -377,6 +363,8 @@ def _read_request(keep: str) -> Experiment:
     told = storage.read_json(Path(keep) / _REQUEST, "the request of an experiment")
     module, _, name = told["experiment"].partition(":")
     kind: type[Experiment] = getattr(import_module(module), name)
+    if not issubclass(kind, Experiment):
+        raise WorkerUnfit(f"{keep} asks for {name[:40]!r}, which is no experiment.")
     return kind(**{name: _value(plain) for name, plain in told["options"].items()})
 
 
@@ -448,25 +436,11 @@ def do_shares(
     return failures
 
 
-class _KeptPictures(Mapping[str, Tensor]):
-    """Pictures of a kept measurement, in 8 bits, each read when it is asked for."""
-
-    def __init__(self, folder: Path, names: Sequence[str]) -> None:
-        self._files = {name: folder / f"{name}.png" for name in names}
+class _KeptPictures(UserDict[str, Any]):
+    """Pictures of a kept measurement, in 8 bits; it holds their files, and reads each when it is asked for."""
 
     def __getitem__(self, name: str) -> Tensor:
-        return images.load(self._files[name])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._files)
-
-    def __len__(self) -> int:
-        return len(self._files)
-
-    @property
-    def are_there(self) -> bool:
-        """True if all files are there."""
-        return all(file.is_file() for file in self._files.values())
+        return images.load(self.data[name])
 
 
 def _load(folder: Path, run: Run) -> Measurement | None:
@@ -475,5 +449,6 @@ def _load(folder: Path, run: Run) -> Measurement | None:
     record = place.record()
     if record is None or not {"numbers", "pictures", "remarks"} <= record.keys():
         return None
-    pictures = _KeptPictures(place.path, record["pictures"])
-    return Measurement(record["numbers"], pictures, record["remarks"]) if pictures.are_there else None
+    files = {name: place.path / f"{name}.png" for name in record["pictures"]}
+    are_there = all(file.is_file() for file in files.values())
+    return Measurement(record["numbers"], _KeptPictures(files), record["remarks"]) if are_there else None

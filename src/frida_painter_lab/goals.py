@@ -24,16 +24,8 @@ from frida_painter.render import render
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.system import images
+from frida_painter_lab import measures
 from frida_painter_lab.experiment import Notify, Results, ResultTable, Row
-from frida_painter_lab.measures import (
-    direction_agreement,
-    edge_correlation,
-    edge_score,
-    exact_emd,
-    feature_distance,
-    perceptual_distance,
-    psnr,
-)
 from frida_painter_lab.paintings import Comparison, Painted, PaintingWay, Scene
 from frida_painter_lab.runs import Labels, Value
 from frida_painter_lab.targets import Target
@@ -245,9 +237,9 @@ class StyleExperiment(JudgedExperiment):
         """Measures the distances in style, edges, and the directions of the strokes."""
         photo, look = (target.picture for target in scene)
         rest = (
-            edge_correlation(picture, photo),
-            edge_correlation(picture, look),
-            direction_agreement(painted.plan.strokes, look, painted.plan.canvas),
+            measures.edge_correlation(picture, photo),
+            measures.edge_correlation(picture, look),
+            measures.direction_agreement(painted.plan.strokes, look, painted.plan.canvas),
             painted.seconds,
         )
         return dict(zip(self.MEASURES, (*self._distances(picture, look), *rest), strict=True))
@@ -263,7 +255,7 @@ class StyleExperiment(JudgedExperiment):
             for pair in zip(one, other, strict=True):
                 count = min(*map(len, pair), _PLACES)
                 a, b = (part[torch.randperm(len(part), generator=chance)[:count]] for part in pair)
-                apart.append(exact_emd(cost(a, b)))
+                apart.append(measures.exact_emd(cost(a, b)))
             found.append(float(np.mean(apart)))
         return found
 
@@ -302,10 +294,10 @@ class SemanticExperiment(JudgedExperiment):
         """Measures the distances between painting and photograph."""
         target = images.fit(scene[0].picture, *picture.shape[1:])
         found = (
-            feature_distance(self.seer, picture, target, _SIDE),
-            perceptual_distance(self.networks.style(), picture, target),
-            edge_score(picture, target),
-            psnr(picture, target),
+            measures.feature_distance(self.seer, picture, target, _SIDE),
+            measures.perceptual_distance(self.networks.style(), picture, target),
+            measures.edge_score(picture, target),
+            measures.psnr(picture, target),
             painted.seconds,
         )
         return dict(zip(self.MEASURES, found, strict=True))
@@ -345,5 +337,5 @@ class SketchExperiment(Comparison):
     def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
         """Measures how the edges agree with the drawing's."""
         lines = SketchTerm(scene[0].picture).drawing
-        edges = edge_score(picture, images.fit(lines, *picture.shape[1:]))
+        edges = measures.edge_score(picture, images.fit(lines, *picture.shape[1:]))
         return dict(zip(self.MEASURES, (edges, painted.seconds), strict=True))

@@ -40,11 +40,10 @@ class Mean:
         """Returns the mean with its interval, by Student's t distribution."""
         from scipy.stats import t
 
-        mean = float(np.mean(values))
-        if len(values) < 2:
-            return cls(mean, mean, mean, len(values))
-        half = float(t.ppf((1 + CONFIDENCE) / 2, len(values) - 1) * np.std(values, ddof=1) / math.sqrt(len(values)))
-        return cls(mean, mean - half, mean + half, len(values))
+        mean, count = float(np.mean(values)), len(values)
+        error = np.std(values, ddof=1) / math.sqrt(count) if count > 1 else 0.0
+        half = float(t.ppf((1 + CONFIDENCE) / 2, max(count - 1, 1)) * error)
+        return cls(mean, mean - half, mean + half, count)
 
 
 @dataclass(frozen=True)
@@ -94,12 +93,9 @@ def paired_tests(results: Sequence[Result], fields: Iterable[str]) -> tuple[Fiel
 
 def holm(values: Sequence[float]) -> list[float]:
     """Returns p-values adjusted for their number (Holm 1979)."""
-    order = sorted(range(len(values)), key=lambda index: values[index])
-    adjusted, largest = [0.0] * len(values), 0.0
-    for rank, index in enumerate(order):
-        largest = max(largest, min(1.0, (len(values) - rank) * values[index]))
-        adjusted[index] = largest
-    return adjusted
+    order, count = np.argsort(values, kind="stable"), len(values)
+    adjusted = np.maximum.accumulate(np.minimum(1.0, (count - np.arange(count)) * np.array(values)[order]))
+    return [float(one) for one in adjusted[np.argsort(order)]]
 
 
 def _test(results: Sequence[Result], field: str, first: Value, second: Value) -> FieldEffect | None:

@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 
 import sweep_works
-from frida_painter.errors import ConfigError, ProcessLost, TryFailed, WorkerUnfit
+from frida_painter.errors import ConfigError, TryFailed, WorkerUnfit
 from frida_painter.system import python_process
-from frida_painter_lab import engine as engines
 from frida_painter_lab.engine import Engine, TaskLimits, slots_here
 from sweep_works import Note
 
@@ -65,26 +64,20 @@ def test_a_process_that_dies_or_hangs_is_replaced_and_its_task_done_again(tmp_pa
 def test_a_process_that_is_killed_while_it_starts_is_started_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    start, starts = python_process.start_function, []
+    start, starts, killed = python_process.start_function, [], {1, 3, 4}
 
     def start_and_kill(*words: Any, **more: Any) -> Any:
         process, wire = start(*words, **more)
         starts.append(process)
-        if len(starts) == 1:
+        if len(starts) in killed:
             process.kill()
-        elif len(starts) == 2:
-            wire.close()
-            raise ProcessLost("It cannot be started.")
         return process, wire
 
     monkeypatch.setattr(python_process, "start_function", start_and_kill)
-    (ended,) = engine(tries=1).run(sweep_works.tell_process, notes(tmp_path))
-    assert ended.error is None and len(starts) == 3
-    monkeypatch.setattr(engines, "_STARTS", 0)
-    (ended,) = engine(tries=1).run(sweep_works.tell_process, notes(tmp_path))
-    assert isinstance(ended.error, WorkerUnfit)
-    for process in starts:
-        process.wait(60)
+    (ended,) = engine().run(sweep_works.tell_process, notes(tmp_path))
+    assert ended.error is None and len(starts) == 2
+    (ended,) = engine().run(sweep_works.tell_process, notes(tmp_path))
+    assert isinstance(ended.error, WorkerUnfit) and "No process for the runs could be started" in str(ended.error)
 
 
 def test_a_task_that_never_ends_is_given_up(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from PIL import Image
 from frida_painter.errors import TryFailed, WorkerUnfit
 from frida_painter_lab import experiment as carrier
 from frida_painter_lab import runs as running
+from frida_painter_lab.engine import Share
 from frida_painter_lab.experiment import (
     Experiment,
     Measurement,
@@ -123,7 +124,7 @@ def test_in_processes_failures_stop_no_other_and_are_told(tmp_path: Path, monkey
     outcome = rest.run_in_processes(tmp_path, silent)
     assert rest.asked == [0], "with one left it is measured here, and the others are read"
     assert [row["seed's"] for row in outcome.tables[0].rows] == [0, 0, 1, 1]
-    share = carrier.Share((Counting().all_runs[0],), str(tmp_path), Counting())
+    share = Share((Counting().all_runs[0],), str(tmp_path), Counting())
     measure_share(share)
     assert share.experiment.asked == [], "what is done is only read"
 

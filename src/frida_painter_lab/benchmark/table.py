@@ -30,22 +30,12 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Dipped, Event, Planned, PlanningStep, StrokePainted
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images, storage
+from frida_painter_lab import experiment
 from frida_painter_lab.benchmark.fitting import fit_hand_in
 from frida_painter_lab.benchmark.hand_in import MAX_BYTES, TOLERANCE, HandIn, read_csv
 from frida_painter_lab.benchmark.rivals import GREEDY_BRUSHES, PLAIN_BRUSH, plan_greedy, plan_hertzmann, plan_plain
 from frida_painter_lab.benchmark.suite import VERSION, BenchmarkGoal, Budget, find_budget, find_goal, suite_digest
 from frida_painter_lab.benchmark.svg_strokes import read_svg
-from frida_painter_lab.experiment import (
-    Experiment,
-    Measurement,
-    Notify,
-    Outcome,
-    Progress,
-    Results,
-    ResultTable,
-    Row,
-    format_value,
-)
 from frida_painter_lab.measures import feature_distance, psnr, ssim
 from frida_painter_lab.paintings import StudioWithout
 from frida_painter_lab.runs import Labels, Run, Value
@@ -151,7 +141,7 @@ class CellRun(Run):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchmarkTable(Experiment):
+class BenchmarkTable(experiment.Experiment):
     """Table of the benchmark: all combinations of entrants, goals, budgets and seeds.
 
     folder: of the table; it keeps all cells
@@ -204,10 +194,10 @@ class BenchmarkTable(Experiment):
         """Network of the perceptual distance; None if its weights were not fetched."""
         return None if weights.find(JUDGE_NETWORK) is None else EfficientNetLite(weights.tensors(JUDGE_NETWORK))
 
-    def measure(self, run: Run, notify: Notify) -> Measurement:
+    def measure(self, run: Run, notify: experiment.Notify) -> experiment.Measurement:
         """Paints and judges a cell. Raises the errors of reading, planning and painting."""
         assert isinstance(run, CellRun)
-        notify(Progress(0.0, run.words))
+        notify(experiment.Progress(0.0, run.words))
         goal, entrant, spec, encoders = run.goal, run.entrant, run.spec, EncoderRegistry()
         budget = find_budget(int(run["strokes"]))
         remarks: Sequence[str] = ()
@@ -255,28 +245,22 @@ class BenchmarkTable(Experiment):
         if run.hand_in is None:
             figures["CPU s"] = planned + meter.replanning
         numbers = {name: float(value) for name, value in figures.items() if math.isfinite(value)}
-        return Measurement(numbers, {"painting": truth, "foretold": foretold}, remarks)
+        return experiment.Measurement(numbers, {"painting": truth, "foretold": foretold}, remarks)
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
         """Returns the suite and all that is combined."""
-        entrants = [*self.entrants, *self.hand_ins]
-        asked: dict[str, Sequence[Value]] = {
-            "entrants": entrants,
-            "goals": self.goals,
-            "budgets": self.budgets,
-            "seeds": self.seeds,
-        }
-        return {"suite": suite_digest()[:12], **asked}
+        asked = {name: getattr(self, name) for name in ("goals", "budgets", "seeds")}
+        return {"suite": suite_digest()[:12], "entrants": (*self.entrants, *self.hand_ins), **asked}
 
-    def tables(self, results: Results) -> Sequence[ResultTable]:
+    def tables(self, results: experiment.Results) -> Sequence[experiment.ResultTable]:
         """Returns the means of each entrant and budget, and the differences from ours."""
         named = {
             "Means over pictures, with 95 % intervals over seeds": summary_rows(results),
             "Differences from ours, pair by pair": comparison_rows(results),
         }
-        return [ResultTable(title, rows) for title, rows in named.items() if rows]
+        return [experiment.ResultTable(title, rows) for title, rows in named.items() if rows]
 
-    def notes(self, results: Results) -> Sequence[str]:
+    def notes(self, results: experiment.Results) -> Sequence[str]:
         """Returns how many cells are done, and what was done to hand-ins."""
         told = [
             f"{', '.join(map(str, labels.values()))}: {' '.join(one.remarks)}"
@@ -285,7 +269,7 @@ class BenchmarkTable(Experiment):
         ]
         return [f"{len(results.found)} of {len(self.all_runs)} cells.", *told]
 
-    def pictures(self, results: Results) -> Mapping[str, Tensor]:
+    def pictures(self, results: experiment.Results) -> Mapping[str, Tensor]:
         """Returns a sheet for each goal and budget: the paintings of the first seed."""
         sheets: dict[str, list[Cell]] = {}
         for labels, one in results.found:
@@ -319,15 +303,12 @@ def read_table(folder: Path) -> BenchmarkTable:
     return table
 
 
-def write_page(outcome: Outcome, folder: Path) -> Path:
+def write_page(outcome: experiment.Outcome, folder: Path) -> Path:
     """Writes the page with tables and pictures; returns it. Raises StorageError."""
     html = template("benchmark.html").render(
         title=outcome.title,
         notes=outcome.notes,
-        tables=[
-            (one.title, list(one.rows[0]), [[format_value(value) for value in row.values()] for row in one.rows])
-            for one in outcome.tables
-        ],
+        tables=[(one.title, list(one.rows[0]), one.cells()) for one in outcome.tables],
         pictures=list(outcome.pictures),
     )
     storage.write_text(folder / PAGE, html.encode("utf-8", "replace").decode("utf-8"))
@@ -413,7 +394,7 @@ def read_hand_in(path: Path, canvas: CanvasSize) -> HandIn:
 # Statistics: means over the goals, intervals over the seeds, and differences pair by pair.
 
 
-def summary_rows(results: Results) -> tuple[Row, ...]:
+def summary_rows(results: experiment.Results) -> tuple[experiment.Row, ...]:
     """Returns a row for each entrant and budget: means over the goals, with 95 % intervals over the seeds.
 
     The interval is that of the seeds' means (Student's t); with one seed there is none. The best by PSNR come first.
@@ -421,7 +402,7 @@ def summary_rows(results: Results) -> tuple[Row, ...]:
     groups: dict[tuple[Any, Any], list[tuple[Value, Mapping[str, float]]]] = {}
     for labels, one in results.found:
         groups.setdefault((labels["strokes"], labels["entrant"]), []).append((labels["seed"], one.numbers))
-    rows: list[tuple[Any, float, Row]] = []
+    rows: list[tuple[Any, float, experiment.Row]] = []
     for (strokes, entrant), mine in groups.items():
         row: dict[str, Value] = {"entrant": entrant, "budget": strokes, "cells": len(mine)}
         for name in _measured(results):
@@ -437,12 +418,12 @@ def summary_rows(results: Results) -> tuple[Row, ...]:
     return tuple(row for *_, row in sorted(rows, key=lambda one: one[:2]))
 
 
-def comparison_rows(results: Results, to: str = "ours") -> tuple[Row, ...]:
+def comparison_rows(results: experiment.Results, to: str = "ours") -> tuple[experiment.Row, ...]:
     """Returns a row for each entrant and measure: its difference from `to`, pair by pair, with Holm's correction.
 
     A pair has the same goal, budget and seed.
     """
-    rows: list[Row] = []
+    rows: list[experiment.Row] = []
     for name in (name for name in _measured(results) if name in MORE_IS_BETTER):
         found = [Result(labels, one.numbers[name]) for labels, one in results.found if name in one.numbers]
         ordered = sorted(found, key=lambda one: one.labels["entrant"] != to)  # a difference is the second minus `to`
@@ -458,6 +439,6 @@ def comparison_rows(results: Results, to: str = "ours") -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def _measured(results: Results) -> list[str]:
+def _measured(results: experiment.Results) -> list[str]:
     known = {name for _, one in results.found for name in one.numbers}
     return [name for name in MEASURES if name in known]

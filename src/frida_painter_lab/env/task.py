@@ -42,12 +42,7 @@ def open_judge(name: str) -> Judge:
     Raises WeightsError if the network is missing.
     """
     if name == "psnr":
-
-        def judge_errors(canvas: Tensor, goal: Tensor) -> NDArray[np.float64]:
-            error = (canvas - goal).square_().mean((1, 2, 3)).double().numpy()
-            return np.asarray(-10 * np.log10(np.maximum(error, _MIN_ERROR)), np.float64)
-
-        return judge_errors
+        return _judge_errors
     from frida_painter.objectives.encoders.loading import EncoderRegistry  # loaded here because few callers need it
     from frida_painter_lab.measures import perceptual_distance, ssim
 
@@ -55,11 +50,15 @@ def open_judge(name: str) -> Judge:
 
     def judge_each(canvas: Tensor, goal: Tensor) -> NDArray[np.float64]:
         pairs = zip(canvas.contiguous(), goal.contiguous(), strict=True)
-        if network is None:
-            return np.array([ssim(*pair) for pair in pairs], np.float64)
-        return np.array([-perceptual_distance(network, *pair) for pair in pairs], np.float64)
+        found = (-perceptual_distance(network, *pair) if network else ssim(*pair) for pair in pairs)
+        return np.array([*found], np.float64)
 
     return judge_each
+
+
+def _judge_errors(canvas: Tensor, goal: Tensor) -> NDArray[np.float64]:
+    error = (canvas - goal).square_().mean((1, 2, 3)).double().numpy()
+    return np.asarray(-10 * np.log10(np.maximum(error, _MIN_ERROR)), np.float64)
 
 
 @dataclass(frozen=True)

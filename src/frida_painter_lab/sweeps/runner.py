@@ -19,8 +19,8 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
 from frida_painter.system.provenance import describe_here, identify
-from frida_painter_lab.engine import TaskLimits, slots_here
-from frida_painter_lab.experiment import Notify, Share, do_shares, find_runs, silent
+from frida_painter_lab.engine import Share, TaskLimits, slots_here
+from frida_painter_lab.experiment import Notify, do_shares, find_runs, silent
 from frida_painter_lab.measures import mse, psnr
 from frida_painter_lab.runs import RunFolder
 from frida_painter_lab.sweeps.report import SweepState, fold, keep_table

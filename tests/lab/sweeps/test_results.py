@@ -18,7 +18,8 @@ from frida_painter.runs.settle import ground_of
 from frida_painter.system import images
 from frida_painter_lab import experiment as carrier
 from frida_painter_lab import targets
-from frida_painter_lab.experiment import Share, silent
+from frida_painter_lab.engine import Share
+from frida_painter_lab.experiment import silent
 from frida_painter_lab.statistics import Mean, Result, holm, means, paired_tests
 from frida_painter_lab.sweeps import runner
 from frida_painter_lab.sweeps.report import SweepState, flat, keep_table, read_state, write_report, write_table

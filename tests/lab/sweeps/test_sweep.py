@@ -22,7 +22,8 @@ from frida_painter.system.storage import PART
 from frida_painter_cli import commands
 from frida_painter_lab import experiment as carrier
 from frida_painter_lab import targets
-from frida_painter_lab.experiment import Progress, Share
+from frida_painter_lab.engine import Share
+from frida_painter_lab.experiment import Progress
 from frida_painter_lab.runs import RunFolder
 from frida_painter_lab.sweeps import runner
 from frida_painter_lab.sweeps.report import read_state
