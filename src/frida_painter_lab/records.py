@@ -4,16 +4,24 @@ from dataclasses import replace
 from pathlib import Path
 
 from frida_painter.errors import ConfigError
-from frida_painter.runs import painting_folder
+from frida_painter.runs.painting_folder import (
+    NO_RECORD,
+    RECORD,
+    SETTINGS,
+    RecordCheck,
+    RunRecord,
+    hash_picture,
+    read_goal,
+)
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec, upgrade_record
 from frida_painter.strokes.plan import Plan
 
 
-class RepeatableRun(painting_folder.RunRecord):
+class RepeatableRun(RunRecord):
     """Record of a plan or a painting that can be made again."""
 
-    def make_again(self) -> painting_folder.RecordCheck:
+    def make_again(self) -> RecordCheck:
         """Makes it again, in this process, and compares what comes out; writes nothing. Raises FridaError.
 
         Nothing is made if its folder is not as it was left.
@@ -21,12 +29,12 @@ class RepeatableRun(painting_folder.RunRecord):
         checked = self.check()
         if checked.obstacle or checked.files:
             return checked
-        spec = RunSpec.of(**{**upgrade_record(self.settings), **painting_folder.read_goal(self.folder)})
+        spec = RunSpec.of(**{**upgrade_record(self.settings), **read_goal(self.folder)})
         with PaintingRun(spec) as run:
             again = (
                 {"plan": run.plan().digest}
                 if self.kind == "plan"
-                else {"painting": painting_folder.hash_picture(run.simulate().photograph)}
+                else {"painting": hash_picture(run.simulate().photograph)}
             )
         same = all(self.results.get(name) == value for name, value in again.items())
         if not same and (device := self.made_with.get("device", "cpu")) != "cpu":
@@ -50,10 +58,10 @@ def record(folder: str | Path) -> RepeatableRun:
     path = Path(folder)
     if path.is_file():
         path = path.parent
-    if (path / painting_folder.RECORD).exists():
+    if (path / RECORD).exists():
         return RepeatableRun.load(path)
-    if (path / painting_folder.SETTINGS).exists():
-        return RepeatableRun(path, "painting", {}, {}, {}, {}, painting_folder.NO_RECORD)
+    if (path / SETTINGS).exists():
+        return RepeatableRun(path, "painting", {}, {}, {}, {}, NO_RECORD)
     if (path / "plan.json").exists():
-        return RepeatableRun(path, "plan", dict(Plan.load(path).about), {}, {}, {}, painting_folder.NO_RECORD)
+        return RepeatableRun(path, "plan", dict(Plan.load(path).about), {}, {}, {}, NO_RECORD)
     raise ConfigError(f"{path} holds no plan and no painting; give the folder of one.")

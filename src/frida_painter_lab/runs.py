@@ -3,17 +3,16 @@
 import contextlib
 import hashlib
 import json
+import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock, Timeout
-
 from frida_painter.errors import FridaError, StorageError, TryFailed
 from frida_painter.runs.spec import RunSpec
-from frida_painter.system import storage
+from frida_painter.system import locks, storage
 from frida_painter.system.provenance import identify_here
 
 LOCK = ".lock"
@@ -72,29 +71,23 @@ def goal_facts(spec: RunSpec, hash_of: Callable[[Path], str]) -> dict[str, list[
     }
 
 
-def lock_of(folder: Path) -> FileLock:
-    """Returns the lock of a folder, for one process at a time."""
-    return FileLock(folder / LOCK, mode=0o600, fallback_to_soft=False, preserve_lock_file=True)
-
-
 @contextlib.contextmanager
 def hold_lock(folder: Path, seconds: float, busy: FridaError) -> Iterator[None]:
     """Holds the lock of a folder, which is made if it is missing.
 
     Raises `busy` if another process has it for all of these seconds, StorageError if the folder cannot be written.
     """
-    lock = lock_of(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        lock.acquire(timeout=seconds)
-    except Timeout as error:
-        raise busy from error
+        file = locks.open_lock(folder / LOCK)
     except OSError as error:
         raise storage.cannot_write(folder, error) from error
     try:
+        if not locks.take(file, seconds):
+            raise busy
         yield
     finally:
-        lock.release()
+        os.close(file)
 
 
 class RunFolder:

@@ -20,7 +20,6 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from filelock import Timeout
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from frida_painter.errors import ConfigError, FridaError, StorageError, SweepBusy
@@ -28,9 +27,9 @@ from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.planning.fields import brush_file
 from frida_painter.runs.painting_folder import content_hash
 from frida_painter.runs.spec import FILES, RunSpec
-from frida_painter.system import storage
+from frida_painter.system import locks, storage
 from frida_painter.system.provenance import identify_here
-from frida_painter_lab.runs import LOCK, Run, Value, content_key, goal_facts, hold_lock, lock_of
+from frida_painter_lab.runs import LOCK, Run, Value, content_key, goal_facts, hold_lock
 
 PLAN = "plan"
 """Field of evaluations only: the file of the plan to paint."""
@@ -344,9 +343,8 @@ class SweepFolder:
     def is_held(self) -> bool:
         """True if a driver works on it now."""
         try:
-            with lock_of(self.path).acquire(blocking=False):
-                return False
-        except (Timeout, OSError):
+            return locks.is_held(self.path / LOCK)
+        except OSError:  # another person's
             return True
 
     def keep(self, spec: SweepSpec, hashes: Mapping[str, str], slots: int) -> None:
