@@ -104,7 +104,9 @@ def test_wells_of_a_plan_towards_colors_out_of_reach_can_be_mixed_and_told_apart
 
 
 def test_a_plan_towards_colors_that_can_be_mixed_is_the_same_as_without_the_stage() -> None:
-    with_stage, without = (planner(blocks(*MUTED), paints=paints).plan() for paints in ("acrylics", ANY_PAINTS))
+    with_stage, without = (
+        planner(blocks(*MUTED), paints=paints, colors=len(MUTED)).plan() for paints in ("acrylics", ANY_PAINTS)
+    )
     assert with_stage.digest == without.digest and not mixing_changes(with_stage)
 
 

@@ -1,8 +1,8 @@
 """Recipes: small integer parts of a few paints whose mixture is nearest to a colour."""
 
+import functools
 import itertools
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -15,26 +15,44 @@ from frida_painter.brush.kinds import brush_kind
 from frida_painter.errors import ConfigError, PluginError
 from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import Paint, color_of, mix_reflectance, read_paints, usual_paints
-from frida_painter.strokes.palette import ciede2000, to_lab
+from frida_painter.strokes.palette import ciede2000, from_lab, to_lab
 from frida_painter.strokes.plan import Plan
+from frida_painter.system.images import to_linear
 
-GOOD, REACHED = 2.0, 5.0
-"""Limits of CIEDE2000: the difference is hardly visible up to GOOD; the colour is out of reach above REACHED."""
-EASY_PARTS, MAX_PARTS, PARTS_WITH_TRACES = 40, 120, 600
-"""Largest number of parts of all paints together.
+GOOD, NEAR, REACHED = 2.0, 3.0, 5.0
+"""Limits of CIEDE2000.
 
-EASY_PARTS: drops of half a teaspoon
-MAX_PARTS: drops of a teaspoon, if half a teaspoon is not enough
-PARTS_WITH_TRACES: with traces of strong paints, if nothing else is within reach, as in whites that are nearly white
+GOOD: the difference is hardly visible
+NEAR: an easy recipe is near enough; no other one is looked for
+REACHED: the colour is out of reach above it
 """
-_LEVELS = (1, 3, 9, 27, 81)  # parts that are tested first
-# Tests of a fourth paint: factor of the other three, and its parts.
-_LITTLE, _MUCH = ((27, 1), (9, 1), (3, 1)), tuple((1, level) for level in _LEVELS)
-_SEEDS = 16  # number of mixtures at which the search starts
-# CIEDE2000 that a simpler recipe may cost: for each paint less, and for half as many parts.
-_PER_PAINT, _PER_DOUBLING = 0.6, 0.25
-# CIEDE2000 that more than `EASY_PARTS` must gain, and below which the gain is invisible.
-_WORTH_COUNTING, _UNSEEN = 0.5, 1.0
+EASY_PAINTS, EASY_PARTS, MAX_PARTS = 3, 40, 240
+"""Largest recipe.
+
+EASY_PAINTS, EASY_PARTS: paints, and parts of all together, if such a mixture is near: drops of half a teaspoon
+MAX_PARTS: parts if only traces or a fourth paint bring the colour near, half as many at first: drops of a teaspoon or
+two
+"""
+_LEVELS, _EVERY_LEVEL = (0, 1, 3, 9, 27), tuple(range(EASY_PARTS + 1))  # parts that are tested first, and then
+_CHOSEN, _NEAREST = 8, 400  # combinations of paints, and mixtures of them, that are tested further
+# Traces: added parts, factors of the other parts, and mixtures to which traces are added.
+_ADDED, _FACTORS, _SEEDS = (1, 2, 3), (1, 2, 3, 6, 12, 40, 100), 16
+# CIEDE2000 that a simpler recipe may cost: for each paint less, half as many parts, no traces, no black in lights.
+_PER_PAINT, _PER_DOUBLING, _PER_TRACE = 0.6, 0.25, 1.5
+_PER_BLACK, _DARK, _FAR = 4.0, 45.0, 100.0
+_PER_OKLAB = 100.0  # CIEDE2000 of a difference of 1 in OKLab, about
+_ALIKE, _CLIPPED = (1.0, 1.0, 1.0), (0.5, 1.0, 2.0)  # weights of lightness, chroma and hue within and out of reach
+# Linear sRGB to the cones' answers, and their cube roots to OKLab.
+_CONES = (
+    (0.4122214708, 0.5363325363, 0.0514459929),
+    (0.2119034982, 0.6806995451, 0.1073969566),
+    (0.0883024619, 0.2817188376, 0.6299787005),
+)
+_OKLAB = (
+    (0.2104542553, 0.7936177850, -0.0040720468),
+    (1.9779984951, -2.4285922050, 0.4505937099),
+    (0.0259040371, 0.7827717662, -0.8086757660),
+)
 _SAME_LIGHTNESS = 0.1  # L*, for colours that were rounded
 _BLACK_PAINT, _WHITE_PAINT = 30.0, 85.0  # largest L* of a black, smallest of a white
 _BLACK = (0.0, 0.0, 0.0)
@@ -141,9 +159,9 @@ class PaintSet:
     def mix(self, colors: Tensor, most: int = 4) -> list[Recipe]:
         """Returns a recipe for each colour sRGB [k, 3], of at most `most` paints.
 
-        All mixtures of three paints in rough parts are tested. The best ones are extended by a fourth paint. From
-        the best results, integer parts are changed step by step while this reduces difference plus complexity. More
-        than `EASY_PARTS` are used only if the gain is visible.
+        The nearest of all mixtures of three paints in at most 40 parts is taken if it is within reach. If not, a
+        fourth paint and traces are added. A colour that stays out of reach keeps its hue, and as much chroma as the
+        paints have, rather than its lightness: weighted clipping (Katoh and Ito 1996) in OKLab (Ottosson 2020).
         Raises ConfigError if there are no paints, or `most` is not from 1 to 4.
         """
         if not self.paints or not 1 <= most <= 4:
@@ -151,41 +169,141 @@ class PaintSet:
                 f"{len(self.paints)} paints and at most {most} of them were given; mixing takes 1 or more, and at most "
                 "1 to 4."
             )
-        mixer, found = _Mixer(self, min(most, len(self.paints))), []
-        for color in colors.double():
-            best = _Search(color, mixer, MAX_PARTS).best()
-            if not best.within_reach:
-                traces = _Search(color, mixer, PARTS_WITH_TRACES).best()
-                best = traces if traces.within_reach else best
-            elif best.whole > EASY_PARTS:
-                easy = _Search(color, mixer, EASY_PARTS).best()
-                best = easy if easy.difference <= max(best.difference + _WORTH_COUNTING, _UNSEEN) else best
-            found.append(best)
-        return found
+        if most not in self._mixers:
+            self._mixers[most] = _Mixer(self, min(most, len(self.paints)))
+        return [self._mixers[most].recipe(color) for color in colors.double()]
+
+    @functools.cached_property
+    def _mixers(self) -> "dict[int, _Mixer]":
+        """Searches with their mixtures, by the largest number of paints."""
+        return {}
+
+
+@dataclass(frozen=True, eq=False)
+class _Mixtures:
+    """Mixtures: their parts [m, n], colours sRGB [m, 3] and in OKLab [m, 3]."""
+
+    parts: Tensor
+    color: Tensor
+    oklab: Tensor
+
+    def cheapest(self, cost: Tensor, count: int) -> Self:
+        """Returns at most `count` mixtures of the least cost [m], the cheapest first."""
+        order = cost.topk(min(count, len(cost)), largest=False).indices.sort().values
+        order = order[cost[order].argsort(stable=True)]
+        return type(self)(self.parts[order], self.color[order], self.oklab[order])
+
+    def __add__(self, other: Self) -> Self:
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return type(self)(*(torch.cat(pair) for pair in pairs))
 
 
 class _Mixer:
-    """Paints with precomputed mixtures.
+    """Search for recipes of a set of paints.
 
     most: largest number of paints in a mixture
-    rough: start mixtures; rough_lab: their Lab colours
     """
 
     def __init__(self, owned: PaintSet, most: int) -> None:
-        self.paints, self.most, self._finish = owned.paints, most, owned.finish
+        self._paints, self._most, self._finish = owned.paints, most, owned.finish
         self._kind = registry.load_part(registry.MIXERS, owned.mixer, MixerKind, "mixer")
         self._absorption = torch.stack([paint.absorption for paint in owned.paints])
         self._scattering = torch.stack([paint.scattering for paint in owned.paints])
-        self.rough = _rough(len(owned.paints), min(most, 3))
-        self.rough_lab = to_lab(self.colors(self.rough))
-        greyness = self.rough_lab[:, 1:].norm(dim=1)
-        lightness = self.rough_lab[greyness <= max(_GREY, float(greyness.min())), 0]
+        alone = to_lab(self._mix(torch.eye(len(owned.paints), dtype=torch.float64)).color)
+        self._black = ((alone[:, 0] <= _BLACK_PAINT) & (alone[:, 1:].norm(dim=1) <= _GREY)).double()
+        together = min(most, EASY_PAINTS)
+        self._combinations = list(itertools.combinations(range(len(owned.paints)), together))
+        self._rough = self._mix(self._parts(_LEVELS, self._combinations))
+        self._every: dict[int, _Mixtures] = {}  # all easy mixtures of a combination of paints
+        lab = to_lab(self._rough.color)
+        greyness = lab[:, 1:].norm(dim=1)
+        lightness = lab[greyness <= max(_GREY, float(greyness.min())), 0]
         black, white = float(lightness.min()), float(lightness.max())
         self._ends = black if black <= _BLACK_PAINT else 0.0, white if white >= _WHITE_PAINT else 100.0
         darkest = None if owned.darkest is None else float(to_lab(torch.tensor([owned.darkest]))[0, 0])
         self._darkest = None if darkest is None else darkest - _SAME_LIGHTNESS
 
-    def within_lightness(self, lab: Tensor) -> Tensor:
+    def recipe(self, color: Tensor) -> Recipe:
+        """Returns the recipe of a colour sRGB [3]."""
+        aim = self._within_lightness(to_lab(color))
+        found, near = self._cheapest(self._near(aim, _ALIKE), aim)
+        easy = self._recipe(color, aim, found)
+        if near:
+            return easy
+        found, _ = self._cheapest(found + self._hard, aim)
+        for most in (MAX_PARTS // 2, MAX_PARTS):
+            found, near = self._cheapest(self._mix(self._with_traces(found.parts, most)), aim)
+            hard = self._recipe(color, aim, found)
+            if near:
+                return hard
+        best = min(easy, hard, key=lambda recipe: recipe.off)
+        return best if best.within_reach else self._recipe(color, aim, self._near(aim, _CLIPPED))
+
+    @functools.cached_property
+    def _hard(self) -> _Mixtures:
+        """Rough mixtures of as many paints as a recipe may have."""
+        return self._mix(self._parts(_LEVELS, itertools.combinations(range(len(self._paints)), self._most)))
+
+    def _cheapest(self, mixtures: _Mixtures, aim: Tensor) -> tuple[_Mixtures, bool]:
+        """Returns the cheapest mixtures for the Lab colour `aim` [3], near ones first, and whether there are any."""
+        off, black = ciede2000(to_lab(mixtures.color), aim), self._has_black(mixtures.parts, aim)
+        far = (off > NEAR) | black
+        return mixtures.cheapest(off + self._price(mixtures.parts) + _FAR * far, _SEEDS), not bool(far.all())
+
+    def _has_black(self, parts: Tensor, aim: Tensor) -> Tensor:
+        """Returns True for mixtures [m, n] with black, if the Lab colour `aim` [3] is neither dark nor grey."""
+        return (parts @ self._black > 0) & bool(aim[0] > _DARK and aim[1:].norm() > _GREY)
+
+    def _recipe(self, color: Tensor, aim: Tensor, found: _Mixtures) -> Recipe:
+        """Returns the recipe of the first of the mixtures for a colour sRGB [3], and for `aim`, Lab [3]."""
+        used = [(paint, int(parts)) for paint, parts in zip(self._paints, found.parts[0], strict=True) if parts]
+        used.sort(key=lambda part: (-part[1], part[0].name))
+        off, missed = (float(ciede2000(to_lab(found.color[0]), lab)) for lab in (to_lab(color), aim))
+        return Recipe(color, tuple(used), found.color[0], off, missed)
+
+    def _near(self, aim: Tensor, weights: tuple[float, float, float]) -> _Mixtures:
+        """Returns the easy mixtures nearest to the Lab colour `aim` [3] in OKLab, the cheapest first.
+
+        weights: of lightness, chroma and hue
+        """
+        target = _to_oklab(from_lab(aim))
+
+        def cost(mixtures: _Mixtures) -> Tensor:
+            apart = _PER_OKLAB * _apart(mixtures.oklab, target, weights)
+            return apart + self._price(mixtures.parts) + _PER_BLACK * self._has_black(mixtures.parts, aim)
+
+        best = cost(self._rough).reshape(len(self._combinations), -1).amin(1).argsort(stable=True)[:_CHOSEN].tolist()
+        for number in best:
+            if number not in self._every:
+                self._every[number] = self._mix(self._parts(_EVERY_LEVEL, [self._combinations[number]]))
+        near = [self._every[number].cheapest(cost(self._every[number]), _NEAREST) for number in best]
+        found = functools.reduce(_Mixtures.__add__, near)
+        return found.cheapest(cost(found), _NEAREST)
+
+    def _parts(self, levels: tuple[int, ...], combinations: Iterable[tuple[int, ...]]) -> Tensor:
+        """Returns all mixtures [m, n] of combinations of paints at these levels in lowest terms, of easy size."""
+        chosen = list(combinations)
+        parts = _easy_parts(levels, len(chosen[0]))
+        found = parts.new_zeros(len(chosen), len(parts), len(self._paints))
+        for at, paints in enumerate(chosen):
+            found[at, :, list(paints)] = parts
+        return found.flatten(0, 1)
+
+    def _with_traces(self, parts: Tensor, most: int) -> Tensor:
+        """Returns mixtures [m, n] and those with traces of one paint more, in lowest terms, of at most `most` parts."""
+        added = torch.eye(len(self._paints), dtype=parts.dtype)[:, None] * torch.tensor(_ADDED)[:, None]  # [n, a, n]
+        scaled = torch.tensor(_FACTORS)[:, None, None] * parts  # [f, m, n]
+        more = (scaled[:, :, None, None] + added).reshape(-1, parts.shape[1])
+        more = torch.cat((parts, more // _divisor(more.long())[:, None]))
+        return more[(more.sum(1) <= most) & ((more > 0).sum(1) <= self._most)].unique(dim=0)  # type: ignore[no-untyped-call]
+
+    def _price(self, parts: Tensor) -> Tensor:
+        """Returns CIEDE2000 [m] that mixtures [m, n] must gain over simpler ones."""
+        total = parts.sum(1)
+        traces = _PER_TRACE * (total > EASY_PARTS)
+        return _PER_PAINT * (parts > 0).sum(1) + _PER_DOUBLING * total.log2() + traces
+
+    def _within_lightness(self, lab: Tensor) -> Tensor:
         """Returns the Lab colour [3] with its lightness in the range of mixed greys.
 
         An end of the range counts only if the paints have a black or a white. The colour stays as it is if it is
@@ -195,8 +313,8 @@ class _Mixer:
             return lab
         return torch.cat((lab[:1].clamp(*self._ends), lab[1:]))
 
-    def colors(self, parts: Tensor) -> Tensor:
-        """Returns sRGB [m, 3] of mixtures [m, n]."""
+    def _mix(self, parts: Tensor) -> _Mixtures:
+        """Returns the mixtures [m, n] with their colours. Raises PluginError if the kind of mixer breaks its rules."""
         reflected = self._kind.mix(parts, self._absorption, self._scattering, self._finish)
         if tuple(reflected.shape) != (len(parts), self._absorption.shape[1]) or not bool(
             ((reflected >= 0) & (reflected <= 1)).all()
@@ -205,113 +323,33 @@ class _Mixer:
                 f"The mixer {self._kind.name!r} gave reflectances of shape {tuple(reflected.shape)} or outside [0, 1] "
                 f"for {len(parts)} mixtures in {self._absorption.shape[1]} bands; mend it."
             )
-        return color_of(reflected)
+        color = color_of(reflected)
+        return _Mixtures(parts, color, _to_oklab(color))
 
 
-class _Search:
-    """Search for one colour with a limit of parts."""
-
-    def __init__(self, target: Tensor, mixer: _Mixer, parts: int) -> None:
-        self._target, self._mixer, self._parts = target, mixer, parts
-        self._lab = mixer.within_lightness(to_lab(target))
-
-    def best(self) -> Recipe:
-        mixer = self._mixer
-        seeds = self._nearest(mixer.rough, mixer.rough_lab)
-        if mixer.most == 4:
-            extended = torch.cat([seeds, *(self._with_another(seed) for seed in seeds)])
-            seeds = torch.cat((seeds[: _SEEDS // 2], self._nearest(extended)[: _SEEDS // 2]))
-        found = self._refine([tuple(map(int, seed)) for seed in seeds.tolist()])
-        color = mixer.colors(torch.tensor([found], dtype=torch.float64))[0]
-        used = [(paint, count) for paint, count in zip(mixer.paints, found, strict=True) if count]
-        used.sort(key=lambda part: (-part[1], part[0].name))
-        lab = to_lab(color)
-        off, missed = (float(ciede2000(lab, wanted)) for wanted in (to_lab(self._target), self._lab))
-        return Recipe(self._target, tuple(used), color, off, missed)
-
-    def _cost(self, parts: Tensor, lab: Tensor | None = None) -> Tensor:
-        """Returns the cost of mixtures, [m]: difference plus penalties for the numbers of paints and parts.
-
-        lab [m, 3]: their Lab colours, if known
-        """
-        used, total = (parts > 0).sum(1), parts.sum(1)
-        lab = to_lab(self._mixer.colors(parts)) if lab is None else lab
-        cost = ciede2000(lab, self._lab) + _PER_PAINT * used + _PER_DOUBLING * total.log2()
-        return torch.where((used <= self._mixer.most) & (total <= self._parts), cost, torch.inf)
-
-    def _nearest(self, parts: Tensor, lab: Tensor | None = None) -> Tensor:
-        return parts[self._cost(parts, lab).argsort()[:_SEEDS]]
-
-    def _with_another(self, seed: Tensor) -> Tensor:
-        """Returns the mixture with very little to much of each unused paint."""
-        unused = (seed == 0).nonzero()  # [u, 1]
-        if not len(unused):
-            return seed[None]
-        scales, levels = torch.tensor((*_LITTLE, *_MUCH), dtype=seed.dtype).unbind(1)
-        added = (scales[:, None] * seed).repeat(len(unused), 1, 1)  # [u, s, n]
-        added[torch.arange(len(unused))[:, None], torch.arange(len(scales)), unused] = levels
-        return added.flatten(0, 1)
-
-    def _refine(self, starts: list[tuple[int, ...]]) -> tuple[int, ...]:
-        """Returns integer parts near one of `starts` with the lowest cost.
-
-        Each start moves to its cheapest neighbour while that lowers the cost; all starts move together. A path
-        that reaches a visited mixture ends, because it would repeat the other path.
-        """
-        costs = self._cost(torch.tensor(starts, dtype=torch.float64)).tolist()
-        ways = dict(zip(starts, costs, strict=True))
-        been, ends = set(ways), dict[tuple[int, ...], float]()
-        while ways:
-            around = [_neighbours(here) for here in ways]
-            every = self._cost(torch.tensor(list(itertools.chain(*around)), dtype=torch.float64))
-            onwards = {}
-            shares = torch.split(every, list(map(len, around)))
-            for (here, cost), there, theirs in zip(ways.items(), around, shares, strict=True):
-                best = int(theirs.argmin())
-                if not float(theirs[best]) < cost - 1e-9:
-                    ends[here] = cost
-                elif there[best] not in been:
-                    onwards[there[best]] = float(theirs[best])
-                    been.add(there[best])
-            ways = onwards
-        return min(ends, key=ends.__getitem__)
+@functools.cache
+def _easy_parts(levels: tuple[int, ...], paints: int) -> Tensor:
+    """Returns all mixtures [m, paints] with these levels of parts, in lowest terms and of easy size."""
+    parts = torch.cartesian_prod(*[torch.tensor(levels)] * paints).reshape(-1, paints)
+    return parts[(parts.sum(1) <= EASY_PARTS) & (_divisor(parts) == 1)].double()
 
 
-def _rough(count: int, most: int) -> Tensor:
-    """Returns mixtures of up to `most` of `count` paints in rough parts: [m, count]."""
-    found = []
-    for used in range(1, most + 1):
-        levels = torch.tensor(list(itertools.product(_LEVELS, repeat=used)), dtype=torch.float64)
-        levels = levels[(levels.amin(1) == 1)]  # the others are multiples
-        for chosen in itertools.combinations(range(count), used):
-            parts = torch.zeros(len(levels), count, dtype=torch.float64)
-            parts[:, list(chosen)] = levels
-            found.append(parts)
-    return torch.cat(found)
+def _divisor(parts: Tensor) -> Tensor:
+    """Returns the greatest common divisor [m] of parts [m, n], 0 for nothing."""
+    return functools.reduce(torch.gcd, parts.long().unbind(1))
 
 
-def _neighbours(parts: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Returns mixtures with one or two parts changed, in lowest terms, and mixtures in finer parts."""
-    used = [index for index, count in enumerate(parts) if count]
-    changes: list[dict[int, int]] = [{index: count} for index in used for count in _near(parts[index])]
-    changes += [
-        {one: first, other: second}
-        for one, other in itertools.combinations(used, 2)
-        for first, second in itertools.product(_near(parts[one])[:2], _near(parts[other])[:2])
-    ]
-    changed = [tuple(change.get(index, count) for index, count in enumerate(parts)) for change in changes]
-    lowest = [tuple(count // math.gcd(*one) for count in one) for one in changed if sum(one)]
-    return lowest + [
-        tuple(factor * count + (index == more) * sign for index, count in enumerate(parts))
-        for factor in (2, 3)
-        for more in used
-        for sign in (-1, 1)
-    ]
+def _to_oklab(color: Tensor) -> Tensor:
+    """Converts sRGB [..., 3] to OKLab [..., 3], L in [0, 1] (B. Ottosson, 2020)."""
+    return (to_linear(color) @ color.new_tensor(_CONES).T).clamp(min=0) ** (1 / 3) @ color.new_tensor(_OKLAB).T
 
 
-def _near(count: int) -> list[int]:
-    """Returns parts that may replace `count`, nearest first."""
-    return [count + 1, count - 1, *(other for other in (2 * count, count // 2, count + 3, count - 3) if other >= 0)]
+def _apart(mixed: Tensor, target: Tensor, weights: tuple[float, float, float]) -> Tensor:
+    """Returns distances [m] in OKLab from mixtures [m, 3] to a colour [3], weighted by lightness, chroma and hue."""
+    (light, a, b), (its_light, its_a, its_b) = mixed.unbind(1), target
+    chroma = torch.hypot(a, b) - torch.hypot(its_a, its_b)
+    hue = ((a - its_a) ** 2 + (b - its_b) ** 2 - chroma**2).clamp(min=0)  # squared
+    return ((weights[0] * (light - its_light)) ** 2 + (weights[1] * chroma) ** 2 + weights[2] ** 2 * hue).sqrt()
 
 
 # Amount of each paint in a plan, so that paint does not run out

@@ -46,7 +46,7 @@ def proposed_ground(
     rows = min(_TRIAL_ROWS, planner.settings.render_height)
     settings = planner.settings.model_copy(update={"render_height": rows, "focus": EVERYWHERE})
     few_models = planner.materials.models[:2]
-    materials = replace(planner.materials, models=few_models, layers=None, shares=None, ground=WHITE)
+    materials = replace(planner.materials, models=few_models, layers=None, shares=None, ground=WHITE, paints=None)
     # the term already has its importance map, and is already sharpened
     goal = Goal((ImageTerm(term.guide, importance=term.importance, wanted=term.guide),))
     effort = planner.effort.scale(_TRYING)
