@@ -58,6 +58,8 @@ REALITY = {"virtual": {"brush", "render", "perception", "mixing", "objectives", 
 FORBIDDEN_MODULES = {"pickle", "cPickle", "dill", "joblib", "yaml", "shelve", "marshal", "torchvision"}
 MAX_ROOMS, MAX_BESIDE = 14, 8
 MAX_LINES = 800
+MAX_PARAMETERS = 8  # of a function; kernels of numba and Triton, and the judge, are let be
+LONG_CONSTRUCTORS = 23  # dataclasses with more fields than that; they may only become fewer
 MIN_LINES = 60  # of a module with one reader
 # Whatever a person names is read through storage.open_checked: a plain file of a size that was checked. These read
 # their own.
@@ -142,12 +144,13 @@ class Source:
     opened: list[int]
     started: set[str]
     deletions: int
+    crowded: tuple[set[str], set[str]]
 
     @classmethod
     def read(cls, path: Path) -> "Source":
         text = path.read_text(encoding="utf-8")
         tree = ast.parse(text)
-        found = forbidden(tree), files_opened(tree), starts(tree), deletions(tree)
+        found = forbidden(tree), files_opened(tree), starts(tree), deletions(tree), crowded(tree)
         return cls(text, bool(ast.get_docstring(tree)), frozenset(targets(path, tree)), *found)
 
 
@@ -502,6 +505,33 @@ def test_the_door_is_watched() -> None:
     assert [files_opened(ast.parse(line)) for line in said] == [[1]] * 5
     for line in ("storage.read_bytes(a, 'b', 1)", "kind.open(order)", "archive.open(info)"):
         assert files_opened(ast.parse(line)) == []
+
+
+def crowded(tree: ast.Module) -> tuple[set[str], set[str]]:
+    """Functions with over MAX_PARAMETERS, but kernels; and classes whose constructor takes more from their fields."""
+    functions, classes = set(), set()
+    for node in ast.walk(tree):
+        marks = " ".join(map(ast.unparse, getattr(node, "decorator_list", ())))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not re.search(r"\bn?jit\b", marks):
+            taken = [one.arg for one in ast.iter_child_nodes(node.args) if isinstance(one, ast.arg)]
+            if len(taken) - (taken[:1] in (["self"], ["cls"])) > MAX_PARAMETERS:
+                functions.add(node.name)
+        if isinstance(node, ast.ClassDef) and "dataclass" in marks:
+            fields = [ast.unparse(one) for one in node.body if isinstance(one, ast.AnnAssign)]
+            if sum("init=False" not in field and "ClassVar" not in field for field in fields) > MAX_PARAMETERS:
+                classes.add(node.name)
+    return functions, classes
+
+
+def test_functions_and_constructors_take_at_most_eight() -> None:
+    ours = {path: source.crowded for path, source in sources().items() if not path.startswith("virtual/")}
+    assert {path: functions for path, (functions, _) in ours.items() if functions} == {}, "what belongs together is one"
+    assert len(long := [name for _, classes in ours.values() for name in classes]) <= LONG_CONSTRUCTORS, long
+    nine = "a, b, c, d, e, f, g, h, *i"
+    many = f"def at({nine}): ...\nclass C:\n def fits(self, {nine[:-4]}): ...\n@numba.njit()\ndef k({nine}): ..."
+    fields = "\n".join(f" f{number}: int" for number in range(9))
+    said = f"{many}\n@dataclass(frozen=True)\nclass D:\n{fields}\n@dataclass\nclass E:\n{fields} = field(init=False)"
+    assert crowded(ast.parse(said)) == ({"at"}, {"D"})
 
 
 def test_the_painter_has_fourteen_rooms_and_eight_modules_beside_them() -> None:

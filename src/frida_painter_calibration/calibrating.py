@@ -2,9 +2,8 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from platformdirs import user_data_path
 
@@ -22,29 +21,15 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import require_basis
 from frida_painter.system import images
 from frida_painter.virtual.studio import open_studio
+from frida_painter_calibration.options import SurfaceOptions
 from frida_painter_calibration.procedures.brush import brush
 from frida_painter_calibration.procedures.canvas import canvas
 from frida_painter_calibration.procedures.color import color
 from frida_painter_calibration.procedures.robot import robot
 from frida_painter_calibration.procedures.strokes import contact_sheet, strokes
-from frida_painter_calibration.procedures.surface import POINTS, read_surface, surface
+from frida_painter_calibration.procedures.surface import read_surface, surface
 from frida_painter_calibration.procedures.surface_marks import surface_by_marks, surface_in_picture
 from frida_painter_calibration.teaching.evaluation import learn
-
-
-def easel_spec(
-    robot: str,
-    camera: str,
-    workspace: Path | None,
-    canvas: str | None,
-    brush: str,
-    seed: int,
-    placement_error: str | None,
-) -> RunSpec:
-    """Returns the description of the easel that the options name. Raises ConfigError."""
-    given = {"canvas": canvas, "workspace": workspace, "placement_error": placement_error}
-    said: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
-    return RunSpec.of(robot=robot, camera=camera, brush=brush, seed=seed, **said)
 
 
 @contextmanager
@@ -99,10 +84,7 @@ class CalibrationSetup:
     easel: easel with its default record
     record: file of the record; files of the procedures are beside it
     say: receives the progress in words
-
     count, refill_every: of the strokes procedure
-    points, heights, marks, picture: of the surface procedure: points along each side; a file to read instead; True to
-    learn it from painted marks; a person's picture of these
     """
 
     easel: Easel
@@ -112,10 +94,7 @@ class CalibrationSetup:
     count: int
     say: Callable[[str], None]
     refill_every: int = 1
-    points: int = POINTS
-    heights: Path | None = None
-    marks: bool = False
-    picture: Path | None = None
+    surface: SurfaceOptions = field(default_factory=SurfaceOptions)
 
     def beside(self, name: str, ending: str) -> Path:
         """Returns the file of a procedure beside the record; its name holds the brush if the procedure concerns one."""
@@ -142,6 +121,7 @@ def calibrate_one(
 
 
 def _begin(name: str, setup: CalibrationSetup, easel: Easel) -> Procedure[Finding]:
+    of = setup.surface
     match name:
         case "canvas":
             return (yield from canvas(easel))
@@ -151,15 +131,15 @@ def _begin(name: str, setup: CalibrationSetup, easel: Easel) -> Procedure[Findin
             return (yield from color(easel))
         case "brush":
             return (yield from brush(easel, name=setup.brush.name))
-        case "surface" if setup.heights is not None:
-            return read_surface(setup.heights, easel)
-        case "surface" if setup.picture is not None:
-            photograph = images.to_uint8(images.load(setup.picture))
-            return (yield from surface_in_picture(photograph, easel, setup.brush, points=setup.points))
-        case "surface" if setup.marks:
-            return (yield from surface_by_marks(easel, setup.brush, points=setup.points))
+        case "surface" if of.heights is not None:
+            return read_surface(of.heights, easel)
+        case "surface" if of.picture is not None:
+            photograph = images.to_uint8(images.load(of.picture))
+            return (yield from surface_in_picture(photograph, easel, setup.brush, points=of.points))
+        case "surface" if of.marks:
+            return (yield from surface_by_marks(easel, setup.brush, points=of.points))
         case "surface":
-            return (yield from surface(easel, points=setup.points))
+            return (yield from surface(easel, points=of.points))
         case _:
             return (yield from _learn_strokes(easel, setup))
 

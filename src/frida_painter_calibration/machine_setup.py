@@ -32,6 +32,7 @@ from frida_painter.session.events import Began, Remark, ResultFound
 from frida_painter.system import images, storage
 from frida_painter.system.sheet import INK, LINE, SOFT, Sheet, shorten
 from frida_painter_calibration.calibrating import default_record, record_to_renew
+from frida_painter_calibration.options import SetupOrder
 from frida_painter_calibration.procedures.surface import surface_sheet
 from frida_painter_calibration.procedures.workspace import STEPS, Bench, settle_zero, try_lift
 
@@ -42,30 +43,6 @@ WORKSPACE, RECORD, SHEET = "workspace.toml", "calibration.json", "setup.png"
 
 SetupEvent = Began | ResultFound | Remark
 Answering = Callable[[SetupQuestion], Answer]
-
-
-@dataclass(frozen=True)
-class SetupOrder:
-    """Order of a setup: what a person said before the dialogue. None is asked for, or is the preset's.
-
-    preset: name or file
-    port: serial port or address of the machine
-    name: of the easel
-    canvas: its size; None to mark three corners
-    brush: in the holder; None for the fine one, or that of the setup that goes on
-    folder: for the results; None for one per easel in the person's data
-    step: the one to repeat
-    anew: True to begin from the start, even if a setup was left
-    """
-
-    preset: str | None = None
-    port: str | None = None
-    name: str | None = None
-    canvas: CanvasSize | None = None
-    brush: str | None = None
-    folder: Path | None = None
-    step: str | None = None
-    anew: bool = False
 
 
 def lead_setup(

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _imagine = registry.Later("frida_painter_words.picture_makers.making:imagine")
 _make_pictures = registry.Later("frida_painter_words.picture_makers.making:make_pictures")
+_MakingWish = registry.Later("frida_painter_words.picture_makers.making:MakingWish")
 _FOLDER = Path("paintings") / "imagined"
 _WITHOUT = "go on without it by --beginning scene, or --beginning colors with a CLIP"
 
@@ -95,17 +96,9 @@ def imagine_beginning(spec: RunSpec, given: Mapping[str, Any], *, asked: bool, p
 
         def make(words: str, number: int) -> Path:
             try:
-                making = _make_pictures(
-                    words,
-                    maker,
-                    _FOLDER / f"{name_of(words)}-{now}-{number}",
-                    spec,
-                    count=wanted.imagine_pictures,
-                    minutes=wanted.imagine_minutes,
-                    stop_asked=lambda: stop.asked,
-                    tell=_tell,
-                    encoders=encoders,
-                )
+                wish = _MakingWish(words, maker, wanted.imagine_pictures, wanted.imagine_minutes)
+                place = _FOLDER / f"{name_of(words)}-{now}-{number}"
+                making = _make_pictures(wish, place, spec, stop_asked=lambda: stop.asked, tell=_tell, encoders=encoders)
             except (MakingFailed, PluginError, ConfigError) as fault:
                 if named is not None:
                     raise

@@ -6,8 +6,7 @@ import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import wraps
-from inspect import Parameter, Signature, signature
+from inspect import Parameter
 from io import TextIOWrapper
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args
@@ -23,7 +22,7 @@ from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
 from frida_painter.planning.settings import SettingSection, about, help_of, usual_of
 from frida_painter.registry import Later
-from frida_painter.runs.options import any_number, camera_name, out_folder, whole_number
+from frida_painter.runs.options import any_number, camera_name, out_file, out_folder, taking, whole_number
 from frida_painter.runs.spec import OF_PLANS, GoalSettings, RunSpec
 from frida_painter_cli.imagining import ImaginingSettings
 
@@ -91,6 +90,23 @@ def tell_left_out(taken: Collection[str]) -> None:
     sentence = "--{} is another option already; give that kind of goal in a file, with --goal."
     for complaint in (*goal_kinds().complaints, *map(sentence.format, doubles)):
         print(complaint, file=sys.stderr)
+
+
+# Files of other commands: a plan to read, a picture to write.
+
+
+def picture_file(text: str | Path) -> Path:
+    """Reads the path of a picture to write. Raises StorageError, or typer.BadParameter for another ending."""
+    path = out_file(text)
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise typer.BadParameter(f"{str(path)[-60:]!r} was given; the picture ends in .png or .jpg")
+    return path
+
+
+PlanFile = Annotated[
+    Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
+]
+PictureOut = Annotated[Path, taking("FILE", "The picture to write, .png or .jpg.", parser=picture_file)]
 
 
 # Wells before painting: a person sees the paints to mix, confirms them, and may enter the mixed ones.
@@ -167,6 +183,7 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal"} | {
 }
 """Names of options that no kind of goal can have."""
 _FILES = "Where the painting goes"
+_NAMES = {"brushes": ("--brushes", "--brush")}  # most people name one
 _WITHOUT_OPTION = ("title", "goal", "initial")
 
 Photo = Annotated[
@@ -177,21 +194,11 @@ Photo = Annotated[
 ]
 SettingsFile = Annotated[
     Path | None,
-    typer.Option(
-        "--settings",
-        metavar="FILE",
-        help="A TOML file with these settings, for example: strokes = 300",
-        rich_help_panel=_FILES,
-    ),
+    taking("FILE", "A TOML file with these settings, for example: strokes = 300", "--settings", rich_help_panel=_FILES),
 ]
 Out = Annotated[
     Path | None,
-    typer.Option(
-        parser=out_folder,
-        metavar="FOLDER",
-        help="The output folder. [dim]paintings/NAME-DATE-TIME[/]",
-        rich_help_panel=_FILES,
-    ),
+    taking("FOLDER", "The output folder. [dim]paintings/NAME-DATE-TIME[/]", parser=out_folder, rich_help_panel=_FILES),
 ]
 
 
@@ -201,7 +208,9 @@ def planning_options(sections: Iterable[type[SettingSection]] = OF_PLANS) -> lis
     return [
         *(option for option in goal_options() if option.name not in TAKEN),
         *(
-            _keyword(name, _option(field, section.panel, camera_name if name == "camera" else None))
+            _keyword(
+                name, _option(field, section.panel, camera_name if name == "camera" else None, *_NAMES.get(name, ()))
+            )
             for section in every
             for name, field in section.model_fields.items()
             if name not in _WITHOUT_OPTION
@@ -210,21 +219,6 @@ def planning_options(sections: Iterable[type[SettingSection]] = OF_PLANS) -> lis
         _keyword("out", Out),
         _keyword("help_all", HelpAll, False),
     ]
-
-
-def taking(options: list[Parameter], command: Callable[..., None]) -> Callable[..., None]:
-    """Returns the command with these options, in addition to its own."""
-    own = [one for one in signature(command, eval_str=True).parameters.values() if one.kind is Parameter.KEYWORD_ONLY]
-    every = [*options, *own]
-
-    @wraps(command)
-    def with_options(**given: Any) -> None:
-        command(**given)
-
-    with_options.__signature__ = Signature(every)  # type: ignore[attr-defined]
-    with_options.__annotations__ = {one.name: one.annotation for one in every}
-    del with_options.__wrapped__
-    return with_options
 
 
 def spec_of(photo: Path | None, given: Mapping[str, Any]) -> RunSpec:
@@ -249,7 +243,7 @@ def _keyword(name: str, annotation: Any, default: Any = None) -> Parameter:
     return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
 
 
-def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None) -> Any:
+def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None, *names: str) -> Any:
     """Returns the command-line option of a setting, under a heading; `parser` reads its text."""
     more, kind = about(field), field.annotation
     told: dict[str, Any] = {"rich_help_panel": heading, "help": f"{help_of(field)} [dim]{usual_of(field)}[/]"}
@@ -260,7 +254,7 @@ def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None)
     if kind in (float, float | None):
         return Annotated[float | None, typer.Option(parser=any_number, metavar=more["value"] or "X", **told)]
     value = more["value"] or "|".join(map(str, get_args(kind)))
-    return Annotated[str | None, typer.Option(*more["names"], metavar=value, parser=parser, **told)]
+    return Annotated[str | None, typer.Option(*names, metavar=value, parser=parser, **told)]
 
 
 # Help of a command with many options: one screen of those that people use, and all of them with --help-all.
@@ -336,12 +330,12 @@ HelpAll = Annotated[
 
 ProposeOption = Annotated[
     str | None,
-    typer.Option(
-        "--propose",
-        metavar="NAME:TEXT",
-        help="Picture maker for changes by words: while it paints, type what shall change and press Enter, then choose "
+    taking(
+        "NAME:TEXT",
+        "Picture maker for changes by words: while it paints, type what shall change and press Enter, then choose "
         "one of its pictures, which begin from the canvas; diffusers:FOLDER, or command:PROGRAM with {canvas}. "
         "[dim]nothing is proposed[/]",
+        "--propose",
         rich_help_panel="What to paint",
     ),
 ]

@@ -12,7 +12,7 @@ import typer
 from frida_painter import registry
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import ConfigError
-from frida_painter.runs.options import PaceOption, PictureOut, PlanFile, whole_number_within
+from frida_painter.runs.options import PaceOption, taking, whole_number_within, with_fields
 from frida_painter.runs.spec import OF_PAINTINGS
 from frida_painter_cli.imagining import imagine_beginning
 from frida_painter_cli.options import (
@@ -21,12 +21,13 @@ from frida_painter_cli.options import (
     BriefCommand,
     FilledOption,
     Photo,
+    PictureOut,
+    PlanFile,
     ProposeOption,
     planning_options,
     require_person,
     require_proposer,
     spec_of,
-    taking,
     tell_left_out,
 )
 
@@ -38,11 +39,11 @@ if TYPE_CHECKING:
 _give_picture = registry.Later("frida_painter_calibration.commands.without_camera:give_picture")
 Candidates = Annotated[
     int,
-    typer.Option(
+    taking(
+        "N",
+        "Make N plans with different seeds, in several processes, and paint the best one.",
         "--candidates",
         parser=whole_number_within(1, 1000),
-        metavar="N",
-        help="Make N plans with different seeds, in several processes, and paint the best one.",
     ),
 ]
 
@@ -157,11 +158,7 @@ def render(
     plan: PlanFile,
     height: Annotated[
         int,
-        typer.Option(
-            parser=whole_number_within(16, 10_000),
-            metavar="PIXELS",
-            help="Height of the picture in pixels, from 16 to 10000.",
-        ),
+        taking("PIXELS", "Height of the picture in pixels, from 16 to 10000.", parser=whole_number_within(16, 10_000)),
     ] = 1080,
     out: PictureOut = Path("render.png"),
 ) -> None:
@@ -263,10 +260,10 @@ def look(
     ],
     corners: Annotated[
         str | None,
-        typer.Option(
+        taking(
+            "X,Y ...",
+            "The four corners of the canvas in the picture, in pixels, clockwise: column,row of each.",
             "--corners",
-            metavar="X,Y ...",
-            help="The four corners of the canvas in the picture, in pixels, clockwise: column,row of each.",
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask whether the corners were found right.")] = False,
@@ -324,8 +321,8 @@ def _show(run: "PaintingRun") -> None:
 def register(app: typer.Typer) -> None:
     """Adds the commands; prints which kinds of goals of other packages cannot be used."""
     tell_left_out(TAKEN)
-    app.command("paint", cls=BriefCommand)(taking(planning_options(OF_PAINTINGS), paint))
-    app.command("plan", cls=BriefCommand)(taking(planning_options(), plan))
+    app.command("paint", cls=BriefCommand)(with_fields(paint, *planning_options(OF_PAINTINGS)))
+    app.command("plan", cls=BriefCommand)(with_fields(plan, *planning_options()))
     app.command("render")(render)
     app.command("resume")(resume)
     app.command("watch")(watch)

@@ -1,6 +1,6 @@
 """Commands for plans and workspaces: mix, export, check, and workspace example and draw."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,27 +13,25 @@ from frida_painter.mixing import Finish
 from frida_painter.registry import Later
 from frida_painter.runs.options import (
     CameraOption,
-    PictureOut,
-    PlanFile,
     RobotOption,
     WorkspaceOption,
     any_number,
     number_within,
     out_file,
-    whole_number_within,
+    taking,
+    whole_number_option,
+    with_fields,
 )
 from frida_painter.system import storage
 from frida_painter.system.storage import count_of
+from frida_painter_cli.options import PictureOut, PlanFile
 
 if TYPE_CHECKING:
     from frida_painter.mixing.recipe import Recipe
     from frida_painter.strokes.palette import Palette
 
 _Record = Annotated[
-    Path | None,
-    typer.Option(
-        "--calibration", metavar="FILE", help="The easel's calibration record. [dim]the heights of the workspace[/]"
-    ),
+    Path | None, taking("FILE", "The easel's calibration record. [dim]the heights of the workspace[/]", "--calibration")
 ]
 _trace_plan = Later("frida_painter_calibration.commands.without_camera:trace_plan")
 
@@ -51,18 +49,14 @@ def mix(
         ),
     ],
     paints: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A file of the paints that you own (TOML). [dim]six common acrylics[/]"),
+        Path | None, taking("FILE", "A file of the paints that you own (TOML). [dim]six common acrylics[/]")
     ] = None,
-    most: Annotated[
-        int,
-        typer.Option(parser=whole_number_within(1, 4), metavar="N", help="Maximum number of paints in one mixture."),
-    ] = 4,
+    most: Annotated[int, whole_number_option(1, 4, "Maximum number of paints in one mixture.")] = 4,
     finish: Annotated[
         Finish | None,
-        typer.Option(
-            metavar="NAME",
-            help="The finish of the dry paint: matte, or gloss, which looks darker. [dim]that of the file of paints, "
+        taking(
+            "NAME",
+            "The finish of the dry paint: matte, or gloss, which looks darker. [dim]that of the file of paints, "
             "else gloss[/]",
             show_default=False,
         ),
@@ -136,63 +130,69 @@ def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
 # Command that writes plans for other programs and for machines: export.
 
 
-def export(
-    plan: PlanFile,
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="KIND",
-            help="svg is for Inkscape and plotters, gcode for GRBL and Marlin machines, csv is a table, png a picture. "
-            "Your own packages can add kinds.",
-        ),
-    ] = "svg",
-    out: Annotated[
-        Path | None, typer.Option(parser=out_file, metavar="FILE", help="The file to write. [dim]strokes.KIND[/]")
-    ] = None,
+@dataclass(frozen=True)
+class SvgOptions:
+    """Options of an export as SVG."""
+
     regroup: Annotated[
         bool,
         typer.Option(
             help="svg: exactly one layer per paint in each layer of the plan, even if a paint returns later. Changes "
             "which strokes lie on top."
         ),
-    ] = False,
-    dips: Annotated[
-        bool, typer.Option(help="svg: add a layer with a pause for every dip of the brush (AxiDraw).")
-    ] = False,
+    ] = False
+    dips: Annotated[bool, typer.Option(help="svg: add a layer with a pause for every dip of the brush (AxiDraw).")] = (
+        False
+    )
+
+
+@dataclass(frozen=True)
+class GcodeOptions:
+    """Options of an export as G-code."""
+
     flavour: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="gcode: the dialect, grbl or marlin. [dim]grbl[/]", show_default=False),
-    ] = None,
+        str | None, taking("NAME", "gcode: the dialect, grbl or marlin. [dim]grbl[/]", show_default=False)
+    ] = None
     press: Annotated[
-        float | None,
-        typer.Option(
-            parser=any_number, metavar="MM", help="gcode: depth of the hardest press in mm; 0 for a pen. [dim]2[/]"
-        ),
-    ] = None,
-    lift: Annotated[
-        float | None,
-        typer.Option(parser=any_number, metavar="MM", help="gcode: height of travel moves in mm. [dim]5[/]"),
-    ] = None,
+        float | None, taking("MM", "gcode: depth of the hardest press in mm; 0 for a pen. [dim]2[/]", parser=any_number)
+    ] = None
+    lift: Annotated[float | None, taking("MM", "gcode: height of travel moves in mm. [dim]5[/]", parser=any_number)] = (
+        None
+    )
     workspace: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="gcode: the workspace file (TOML), for a machine that dips by itself."),
-    ] = None,
-    calibration: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="gcode, with --workspace: the easel's calibration record.")
-    ] = None,
+        Path | None, taking("FILE", "gcode: the workspace file (TOML), for a machine that dips by itself.")
+    ] = None
+    calibration: Annotated[Path | None, taking("FILE", "gcode, with --workspace: the easel's calibration record.")] = (
+        None
+    )
     drying: Annotated[
         float | None,
-        typer.Option(
+        taking(
+            "MINUTES",
+            "gcode: how long a layer dries before the next one. [dim]as the painting's settings say, else 20[/]",
             parser=number_within(0, 1440),
-            metavar="MINUTES",
-            help="gcode: how long a layer dries before the next one. [dim]as the painting's settings say, else 20[/]",
         ),
-    ] = None,
+    ] = None
     own: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="gcode: lines of your own at start, end, lift, dips and changes (TOML)."),
-    ] = None,
+        Path | None, taking("FILE", "gcode: lines of your own at start, end, lift, dips and changes (TOML).")
+    ] = None
+
+
+def export(
+    *,
+    plan: PlanFile,
+    to: Annotated[
+        str,
+        taking(
+            "KIND",
+            "svg is for Inkscape and plotters, gcode for GRBL and Marlin machines, csv is a table, png a picture. "
+            "Your own packages can add kinds.",
+            "--to",
+        ),
+    ] = "svg",
+    out: Annotated[Path | None, taking("FILE", "The file to write. [dim]strokes.KIND[/]", parser=out_file)] = None,
+    svg: SvgOptions,
+    gcode: GcodeOptions,
 ) -> None:
     """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
 
@@ -208,7 +208,7 @@ def export(
     path = out or Path(f"strokes.{kind.name}")
     if path.suffix.lower() != f".{kind.name}":
         raise ConfigError(f"--out was given {str(path)!r}; with --to {kind.name} the file ends in .{kind.name}.")
-    options = ExportOptions(regroup, dips, flavour, press, lift, workspace, calibration, drying, own, source=plan)
+    options = ExportOptions(**vars(svg), **vars(gcode), source=plan)
     loaded = Plan.load(plan)
     export_plan(loaded, path, kind.name, options)
     typer.echo(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
@@ -218,14 +218,10 @@ def check(
     plan: PlanFile,
     robot: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="The robot to check, as in paint --robot. [dim]any robot in the workspace, or virtual[/]",
-        ),
+        taking("NAME", "The robot to check, as in paint --robot. [dim]any robot in the workspace, or virtual[/]"),
     ] = None,
     workspace: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="The workspace file of the easel (TOML). [dim]the virtual studio's own[/]"),
+        Path | None, taking("FILE", "The workspace file of the easel (TOML). [dim]the virtual studio's own[/]")
     ] = None,
     calibration: _Record = None,
     camera: CameraOption = "",
@@ -290,7 +286,7 @@ def draw(
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command("mix")(mix)
-    app.command("export")(export)
+    app.command("export")(with_fields(export))
     app.command("check")(check)
     app.command("trace")(trace)
     group = typer.Typer(

@@ -32,16 +32,16 @@ class WorkTimes:
     replanning: of a replanned stroke at effort 1, of each look.
     """
 
-    planning: list[float] = field(default_factory=list)
-    strokes: list[float] = field(default_factory=list)
-    replanning: list[float] = field(default_factory=list)
-    _efforts: dict[int, float] = field(default_factory=dict)  # by plan
-    _effort: float = 1.0
-    _started: datetime | None = None
-    _first: datetime | None = None
-    _waits: list[datetime] = field(default_factory=list)  # of pauses, questions and resuming
-    _stroke: datetime | None = None
-    _look: datetime | None = None
+    planning: list[float] = field(default_factory=list, init=False)
+    strokes: list[float] = field(default_factory=list, init=False)
+    replanning: list[float] = field(default_factory=list, init=False)
+    _efforts: dict[int, float] = field(default_factory=dict, init=False)  # by plan
+    _effort: float = field(default=1.0, init=False)
+    _started: datetime | None = field(default=None, init=False)
+    _first: datetime | None = field(default=None, init=False)
+    _waits: list[datetime] = field(default_factory=list, init=False)  # of pauses, questions and resuming
+    _stroke: datetime | None = field(default=None, init=False)
+    _look: datetime | None = field(default=None, init=False)
 
     @property
     def opening(self) -> list[float]:

@@ -29,7 +29,7 @@ from frida_painter_studio.stop import StopWatch
 from frida_painter_studio.studio_folder import Feed, PaintingFolder
 from frida_painter_together.inbox import MakingOrder, make_live_path
 from frida_painter_together.proposing import record_making, show_pictures, without_folders
-from frida_painter_words.picture_makers.making import MAX_PICTURES, make_pictures, remove_making
+from frida_painter_words.picture_makers.making import MAX_PICTURES, MakingWish, make_pictures, remove_making
 
 _SEED = 0
 
@@ -46,10 +46,8 @@ def imagine(folder: PaintingFolder, feed: Feed, stop: StopWatch) -> None:
     place.parent.mkdir(exist_ok=True)
     _forget_old(folder)
     try:
-        making = make_pictures(
-            order.words, order.maker, place, spec, minutes=order.minutes, stop_asked=lambda: stop.asked,
-            tell=feed.say,
-        )  # fmt: skip
+        wish = MakingWish(order.words, order.maker, minutes=order.minutes)
+        making = make_pictures(wish, place, spec, stop_asked=lambda: stop.asked, tell=feed.say)
     except Interrupted:
         stop.heed()
         raise

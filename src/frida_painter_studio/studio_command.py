@@ -3,6 +3,7 @@
 import ipaddress
 import os
 import webbrowser
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,14 +11,7 @@ import typer
 
 from frida_painter import registry
 from frida_painter.errors import ConfigError
-from frida_painter.runs.options import (
-    CameraOption,
-    PaceOption,
-    RobotOption,
-    WorkspaceOption,
-    number_within,
-    whole_number_within,
-)
+from frida_painter.runs.options import MachineOptions, number_within, taking, whole_number_option, with_fields
 from frida_painter.system import storage
 
 if TYPE_CHECKING:
@@ -34,67 +28,65 @@ _OPENING = """<!DOCTYPE html><html lang="en"><meta charset="utf-8"><title>Open t
 
 def register(app: typer.Typer) -> None:
     """Adds the command."""
-    app.command("studio")(studio)
+    app.command("studio")(with_fields(studio))
+
+
+@dataclass(frozen=True)
+class NetworkOptions:
+    """Place of the studio in the network."""
+
+    port: Annotated[int, whole_number_option(0, 65535, "The port. 0 takes a free port.")] = 8350
+    address: Annotated[
+        str,
+        taking(
+            "IP",
+            "The IP address to listen on. Anybody who can reach it and has the link can move the robot. The link "
+            "is not encrypted, so use it only in a network that you trust, or through a tunnel.",
+        ),
+    ] = _LOCAL
+    name: Annotated[
+        list[str] | None, taking("HOST", "A host name for that address in browsers, like easel.local. May be repeated.")
+    ] = None
+    stop_port: Annotated[
+        int,
+        whole_number_option(
+            0, 65535, "The port on which nothing but stops is heard. A tunnel needs both ports. [dim]the next one[/]"
+        ),
+    ] = 0
+    certificate: Annotated[Path | None, taking("FILE", "A certificate (PEM); the page is then served with https.")] = (
+        None
+    )
+    key: Annotated[Path | None, taking("FILE", "The private key of the certificate (PEM).")] = None
 
 
 def studio(
-    folder: Annotated[Path, typer.Option(metavar="FOLDER", help="The folder of all paintings.")] = Path("paintings"),
-    port: Annotated[
-        int, typer.Option(parser=whole_number_within(0, 65535), metavar="N", help="The port. 0 takes a free port.")
-    ] = 8350,
-    address: Annotated[
-        str,
-        typer.Option(
-            metavar="IP",
-            help="The IP address to listen on. Anybody who can reach it and has the link can move the robot. The link "
-            "is not encrypted, so use it only in a network that you trust, or through a tunnel.",
-        ),
-    ] = _LOCAL,
-    name: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="HOST", help="A host name for that address in browsers, like easel.local. May be repeated."
-        ),
-    ] = None,
-    stop_port: Annotated[
-        int,
-        typer.Option(
-            parser=whole_number_within(0, 65535),
-            metavar="N",
-            help="The port on which nothing but stops is heard. A tunnel needs both ports. [dim]the next one[/]",
-        ),
-    ] = 0,
-    certificate: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A certificate (PEM); the page is then served with https.")
-    ] = None,
-    key: Annotated[Path | None, typer.Option(metavar="FILE", help="The private key of the certificate (PEM).")] = None,
-    robot: RobotOption = "virtual",
-    camera: CameraOption = "",
-    workspace: WorkspaceOption = None,
-    pace: PaceOption = 0.0,
+    *,
+    folder: Annotated[Path, taking("FOLDER", "The folder of all paintings.")] = Path("paintings"),
+    network: NetworkOptions,
+    machine: MachineOptions,
     calibration: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="The calibration record of the easel. Calibration on the page updates it. "
+        taking(
+            "FILE",
+            "The calibration record of the easel. Calibration on the page updates it. "
             "[dim]FOLDER/calibration/calibration.json[/]",
         ),
     ] = None,
     imagine: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME:TEXT",
-            help="A picture maker that people at the page may choose, as in paint: they type words, look at its "
+        taking(
+            "NAME:TEXT",
+            "A picture maker that people at the page may choose, as in paint: they type words, look at its "
             "pictures and begin with one. May be repeated. No page can name another one. "
             "[dim]diffusers, if `models fetch imagine` got it[/]",
         ),
     ] = None,
     imagine_minutes: Annotated[
         float,
-        typer.Option(
+        taking(
+            "X",
+            "Minutes that a picture maker may take for the pictures of some words.",
             parser=number_within(0, MAX_MINUTES),
-            metavar="X",
-            help="Minutes that a picture maker may take for the pictures of some words.",
         ),
     ] = USUAL_MINUTES,
     link: Annotated[
@@ -108,6 +100,7 @@ def studio(
     Only this machine can open it, with the address that is printed. A real robot moves only after
     somebody beside it has pressed Enter in this terminal.
     """
+    address = network.address
     _require_address(address)
     registry.require("web", "fastapi", "The studio")
     registry.require("web", "uvicorn", "The studio")
@@ -129,8 +122,8 @@ def studio(
         return
     store = PaintingStore(folder.absolute())
     record = calibration or store.job("calibration").path / "calibration.json"
-    place = workspace and workspace.absolute()
-    easel = WebAppEasel(record.absolute(), robot, camera, place, pace).validate()
+    place = machine.workspace and machine.workspace.absolute()
+    easel = WebAppEasel(record.absolute(), machine.robot, machine.camera, place, machine.pace).validate()
 
     try:
         fetched = ("diffusers",) if registry.are_here(registry.IMAGINE) else ()
@@ -140,7 +133,7 @@ def studio(
             raise
         print(f"The page makes no pictures from words: {fault}")
         makers = AllowedMakers()
-    certified = Certificate.from_files(certificate, key)
+    certified = Certificate.from_files(network.certificate, network.key)
 
     def tell(links: "Links") -> None:
         _print_links(links.roles)
@@ -148,7 +141,7 @@ def studio(
             f"Paintings are kept in {store.root}. Ctrl-C closes the studio; a painting that is being painted goes on."
         )
         if easel.drives_machine:
-            print(f"{robot} moves only when somebody beside it has pressed Enter here within the last minute.")
+            print(f"{easel.robot} moves only when somebody beside it has pressed Enter here within the last minute.")
         for label in makers.by_label:
             print(f"Whoever has a link to paint or to plan may have pictures made by {label}.")
         if os.geteuid() == 0:
@@ -160,7 +153,8 @@ def studio(
         if browser:
             webbrowser.open(links.once)  # valid once: others can read a browser's command line
 
-    serve(store, easel, listen(address, port), tuple(name or ()), tell, stop_port, certified, makers)
+    names, door = tuple(network.name or ()), listen(address, network.port)
+    serve(store, easel, door, names, tell, network.stop_port, certified, makers)
 
 
 def _print_links(links: "dict[Role, str]") -> None:

@@ -44,7 +44,8 @@ from frida_painter_calibration.calibrating import (
     easel_of,
     record_to_renew,
 )
-from frida_painter_calibration.machine_setup import SetupEvent, SetupOrder, lead_setup
+from frida_painter_calibration.machine_setup import SetupEvent, lead_setup
+from frida_painter_calibration.options import SetupOrder
 from frida_painter_studio.jobs import CalibrationRequest, SetupRequest, TeachingRequest
 from frida_painter_studio.side_jobs import imagine, teach
 from frida_painter_studio.stop import StopWatch

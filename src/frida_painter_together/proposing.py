@@ -38,6 +38,7 @@ from frida_painter_words.picture_makers.making import (
     USUAL_MINUTES,
     USUAL_PICTURES,
     Making,
+    MakingWish,
     SeenCanvas,
     make_pictures,
     require_canvas_maker,
@@ -64,7 +65,7 @@ def propose(
     """Has pictures made that begin from the canvas, for a person who paused the painting in `folder`.
 
     words: what is to change
-    maker, minutes, stop_asked, tell: as in `make_pictures`
+    maker, minutes: as in `MakingWish`; stop_asked, tell: as in `make_pictures`
     What is protected stays in the pictures as it is. Raises ConfigError if the painting has no goal or the maker takes
     no canvas, CameraError, and the errors of `make_pictures`.
     """
@@ -74,11 +75,9 @@ def propose(
     number = storage.next_number(folder / _CHANGES, "")
     seed = (planner.seed + USUAL_PICTURES * (number - 1)) % 2**31  # other pictures each time
     return make_pictures(
-        words,
-        maker,
+        MakingWish(words, maker, minutes=minutes),
         folder / _CHANGES / str(number),
         RunSpec.of(goal=[{"text": words}], seed=seed, canvas=planner.size),
-        minutes=minutes,
         stop_asked=stop_asked,
         tell=tell,
         encoders=planner.encoders,

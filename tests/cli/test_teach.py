@@ -14,7 +14,7 @@ from frida_painter.easel import connecting
 from frida_painter.errors import ConfigError, MotionFailed
 from frida_painter.hardware.latch import latches
 from frida_painter.hardware.workcell import WorkcellConfig, example
-from frida_painter_calibration.commands.teach import guide, teach
+from frida_painter_calibration.commands.teach import ArmOptions, FamilyOptions, guide, teach
 from frida_painter_calibration.teaching.marks import read_marks
 from machines.xarm_box import COLLISION, STANDBY, TEACHING, XarmBox, use_ports
 
@@ -111,9 +111,9 @@ def test_what_is_missing_is_told_before_an_arm_is_released(
     with pytest.raises(ConfigError, match=r"a new .json file"):
         guide(ARM, workspace, "fine", tmp_path / "marks.csv")
     with pytest.raises(ConfigError, match="--workspace was given without --robot"):
-        teach(marks=tmp_path / "marks.json", name="hook", workspace=workspace)
+        teach(marks=tmp_path / "marks.json", of=FamilyOptions("hook"), arm=ArmOptions(workspace=workspace))
     with pytest.raises(ConfigError, match="No marks were given"):
-        teach(name="hook")
+        teach(of=FamilyOptions("hook"), arm=ArmOptions())
     with (tmp_path / "nobody").open("w+") as nobody:
         monkeypatch.setattr(sys, "stdin", nobody)
         with pytest.raises(ConfigError, match="run this in a terminal beside the arm"):

@@ -50,7 +50,7 @@ def test_a_painted_canvas_is_the_renderers_picture_on_every_place_of_the_stack(e
         observed, *_ = several.step(action)
         for at in range(6):
             strokes, _ = task.code.decode(action[at : at + 1], task.palettes[0])
-            wanted[at] = render(strokes, model, wanted[at], task.size)
+            wanted[at] = render(strokes, model, wanted[at], task.grid.size)
     pictures = torch.stack(wanted).permute(0, 2, 3, 1).numpy()
     assert np.abs(observed["canvas"] / 255 - pictures).max() <= 0.5 / 255 + 1e-4
 

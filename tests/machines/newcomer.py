@@ -26,7 +26,8 @@ from frida_painter.hardware.latch import Unlatched
 from frida_painter.hardware.preset import find_preset
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter_calibration import machine_setup
-from frida_painter_calibration.machine_setup import SetupEvent, SetupOrder, lead_setup
+from frida_painter_calibration.machine_setup import SetupEvent, lead_setup
+from frida_painter_calibration.options import SetupOrder
 from frida_painter_cli.terminal import GuidingKeys, Terminal
 from machines.simulated_time import SimulatedTime
 

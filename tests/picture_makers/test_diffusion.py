@@ -27,7 +27,7 @@ from frida_painter.system import images
 from frida_painter.system.python_process import OwnProcess
 from frida_painter_words.picture_makers import pipeline_process
 from frida_painter_words.picture_makers.diffusion import DiffusionMaker
-from frida_painter_words.picture_makers.making import PictureRequest, make_pictures
+from frida_painter_words.picture_makers.making import MakingWish, PictureRequest, make_pictures
 from frida_painter_words.picture_makers.pipeline_process import PipelineAnswer, PipelineTask, _require_picture
 from frida_painter_words.picture_makers.pipeline_process import make_pictures as make_pictures_of
 from killing import call_here
@@ -104,7 +104,9 @@ def test_any_words_make_a_picture_and_a_tokenizer_need_not_say_how_many_it_takes
 def test_a_making_by_a_pipeline_is_recorded(tmp_path: Path, pipeline: Path) -> None:
     told: list[str] = []
     spec = RunSpec.of(goal=[{"text": "a red tower"}], canvas="12x9cm", seed=3)
-    made = make_pictures("a red tower", f"diffusers:{pipeline}", tmp_path / "made", spec, count=2, tell=told.append)
+    made = make_pictures(
+        MakingWish("a red tower", f"diffusers:{pipeline}", 2), tmp_path / "made", spec, tell=told.append
+    )
     made.choose(0, "it is the first")
     assert "Picture 2 of 2: step 4 of 4." in told and "tiny, StableDiffusionPipeline, 4 steps" in made.made_by
     record = json.loads((tmp_path / "made" / "making.json").read_text())
@@ -245,7 +247,7 @@ def test_a_pipeline_that_fails_is_one_sentence(tmp_path: Path, write: Callable[[
     write(tmp_path / "net")
     spec = RunSpec.of(goal=[{"text": "a lemon"}], canvas="12x9cm")
     with pytest.raises(MakingFailed) as told:
-        make_pictures("a lemon", f"diffusers:{tmp_path / 'net'}", tmp_path / "made", spec, count=1)
+        make_pictures(MakingWish("a lemon", f"diffusers:{tmp_path / 'net'}", 1), tmp_path / "made", spec)
     assert says in str(told.value) and "\n" not in str(told.value) and not (tmp_path / "made").exists()
 
 

@@ -23,6 +23,7 @@ from frida_painter_cli.imagining import usual_maker
 from frida_painter_words.picture_makers import making as picture_making
 from frida_painter_words.picture_makers.making import (
     Making,
+    MakingWish,
     PictureMakerKind,
     PictureRequest,
     SeenCanvas,
@@ -61,7 +62,8 @@ def scene(seed: int) -> Tensor:
 
 def make(monkeypatch: pytest.MonkeyPatch, folder: Path, maker: Maker, **more: Any) -> Making:
     monkeypatch.setattr(picture_making, "open_picture_maker", lambda text: ("fake", maker))
-    return make_pictures("a lighthouse", "fake", folder, SPEC, **{"encoders": NoNetworks(), **more})
+    wish = MakingWish("a lighthouse", "fake", **{name: more.pop(name) for name in ("count", "minutes") if name in more})
+    return make_pictures(wish, folder, SPEC, **{"encoders": NoNetworks(), **more})
 
 
 @dataclass
@@ -255,7 +257,7 @@ def test_a_clip_that_cannot_be_loaded_is_told_before_anything_is_made(
     maker = Maker()
     monkeypatch.setattr(picture_making, "open_picture_maker", lambda text: ("fake", maker))
     with pytest.raises(WeightsError, match="nowhere at all cannot be loaded as CLIP"):
-        make_pictures("a lighthouse", "fake", tmp_path / "made", SPEC.with_values(clip="nowhere at all"))
+        make_pictures(MakingWish("a lighthouse", "fake"), tmp_path / "made", SPEC.with_values(clip="nowhere at all"))
     assert not maker.asked and not list(tmp_path.iterdir()), "no folder stays either"
 
 

@@ -11,7 +11,8 @@ from frida_painter.errors import ConfigError
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.preset import Layout, find_preset
 from frida_painter.hardware.robot import Waypoints
-from frida_painter_calibration.machine_setup import SetupOrder, lead_setup
+from frida_painter_calibration.machine_setup import lead_setup
+from frida_painter_calibration.options import SetupOrder
 from frida_painter_calibration.procedures.workspace import Bench, try_lift
 from machines import grbl
 from machines.simulated_time import SimulatedTime, simulated_time

@@ -39,7 +39,6 @@ def setting(
     *,
     value: str = "",
     usual: str = "",
-    names: tuple[str, ...] = (),
     of: tuple[str, ...] = (),
     adds: tuple[str, ...] = (),
     common: bool = False,
@@ -50,14 +49,13 @@ def setting(
 
     value: word for its value in the help. "": one by its type.
     usual: the default in words. "": the default itself.
-    names: options for it, if they are not named after the field.
     of: groups of parts that it is one of; the help lists them all.
     adds: groups to which other packages may add; the help lists what they add.
     common: True if the short help shows it.
     form: how a form asks for it. None: no form does.
     limits: as in pydantic's Field.
     """
-    more: dict[str, Any] = {"value": value, "usual": usual, "names": names, "of": of, "adds": adds, "common": common}
+    more: dict[str, Any] = {"value": value, "usual": usual, "of": of, "adds": adds, "common": common}
     return Field(default, json_schema_extra=more | {"form": form}, **limits)
 
 
@@ -204,7 +202,6 @@ class PlanSettings(SettingSection):
         value="NAME,...",
         usual="in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and "
         "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:50%,fine:50%; otherwise broad",
-        names=("--brushes", "--brush"),
         adds=(registry.STROKE_MODELS,),
         common=True,
         form=Control("Brush", widget="brushes"),

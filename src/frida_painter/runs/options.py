@@ -1,8 +1,11 @@
-"""Command line options that several commands share: numbers, output paths, brush, robot, camera, workspace."""
+"""Options of the command line: how a command takes them, and those that several share: numbers, paths, the easel."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import typer
 
@@ -12,35 +15,26 @@ from frida_painter.planning.settings import about, help_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.system import storage
 
-_Number = TypeVar("_Number", int, float)
 
+def with_fields(command: Callable[..., None], *more: Parameter) -> Callable[..., None]:
+    """Returns the command for Typer: `more` options, then its own; a dataclass that it takes is an option per field."""
+    groups, every = dict[str, Any](), [*more]
+    for one in signature(command, eval_str=True).parameters.values():
+        if is_dataclass(one.annotation):
+            groups[one.name] = one.annotation
+            every += signature(groups[one.name], eval_str=True).parameters.values()
+        elif one.kind is not Parameter.VAR_KEYWORD:
+            every.append(one)
 
-def whole_number_within(least: int, most: int) -> Callable[[str], int]:
-    """Returns a parser of integers from `least` to `most`. The parser raises typer.BadParameter."""
-    return _within(whole_number, least, most)
+    @wraps(command)
+    def spread(**given: Any) -> None:
+        said = {name: kind(**{one.name: given.pop(one.name) for one in fields(kind)}) for name, kind in groups.items()}
+        command(**said, **given)
 
-
-def number_within(least: float, most: float) -> Callable[[str], float]:
-    """Returns a parser of numbers from `least` to `most`. The parser raises typer.BadParameter."""
-    return _within(any_number, least, most)
-
-
-def whole_number_option(least: int, most: int, says: str) -> Any:
-    """Returns the option for an integer from `least` to `most`.
-
-    says: its help
-    """
-    return typer.Option(parser=whole_number_within(least, most), metavar="N", help=says)
-
-
-def _within(read: Callable[[str], _Number], least: _Number, most: _Number) -> Callable[[str], _Number]:
-    def checked(text: str) -> _Number:
-        value = read(text)
-        if not least <= value <= most:
-            raise typer.BadParameter(f"{text[:40]} is not from {least} to {most}")
-        return value
-
-    return checked
+    spread.__signature__ = Signature([one.replace(kind=Parameter.KEYWORD_ONLY) for one in every])  # type: ignore[attr-defined]
+    spread.__annotations__ = {one.name: one.annotation for one in every}
+    del spread.__wrapped__
+    return spread
 
 
 def whole_number(text: str) -> int:
@@ -59,6 +53,33 @@ def any_number(text: str) -> float:
         raise typer.BadParameter(f"{str(text)[:40]!r} is not a number, like 0.5") from error
 
 
+def taking(value: str, says: str, *names: str, **more: Any) -> Any:
+    """Returns an option by the word for its value and its help; without names it is named after its parameter."""
+    return typer.Option(*names, metavar=value, help=says, **more)
+
+
+def whole_number_option(least: int, most: int, says: str) -> Any:
+    """Returns the option for an integer from `least` to `most`; `says` is its help."""
+    return taking("N", says, parser=whole_number_within(least, most))
+
+
+def whole_number_within(least: int, most: int) -> Callable[[str], int]:
+    """Returns a parser of integers from `least` to `most`. The parser raises typer.BadParameter."""
+    return number_within(least, most, whole_number)
+
+
+def number_within(least: float, most: float, read: Callable[[str], Any] = any_number) -> Callable[[str], Any]:
+    """Returns a parser of the numbers from `least` to `most` that `read` reads. It raises typer.BadParameter."""
+
+    def checked(text: str) -> Any:
+        value = read(text)
+        if not least <= value <= most:
+            raise typer.BadParameter(f"{text[:40]} is not from {least} to {most}")
+        return value
+
+    return checked
+
+
 def out_file(text: str | Path, *, folder: bool = False) -> Path:
     """Reads the path of an output file. Raises StorageError, or typer.BadParameter for an empty path."""
     if not str(text):
@@ -72,30 +93,10 @@ def out_folder(text: str | Path) -> Path:
     return out_file(text, folder=True)
 
 
-def picture_file(text: str | Path) -> Path:
-    """Reads the path of a picture to write. Raises StorageError, or typer.BadParameter for another ending."""
-    path = out_file(text)
-    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
-        raise typer.BadParameter(f"{str(path)[-60:]!r} was given; the picture ends in .png or .jpg")
-    return path
-
-
-def listing_option(*declared: str, groups: tuple[str, ...], says: str, **more: Any) -> Any:
-    """Returns an option for the name of a part; its help lists the registered parts."""
-    known = [part for group in groups for part in registry.parts(group)]
-    return typer.Option(*declared, help=f"{says} {', '.join(known)}.", **more)
-
-
 def setting_option(name: str, parser: Callable[[str], Any] | None = None) -> Any:
     """Returns an option for a setting of a painting, with its help and its default in words."""
     more = about(field := RunSpec.model_fields[name])
-    return typer.Option(
-        f"--{name.replace('_', '-')}",
-        parser=parser,
-        help=help_of(field),
-        metavar=more["value"] or "X",
-        show_default=more["usual"] or True,
-    )
+    return taking(more["value"] or "X", help_of(field), parser=parser, show_default=more["usual"] or True)
 
 
 def camera_name(text: str) -> str:
@@ -107,18 +108,17 @@ def camera_name(text: str) -> str:
     return f"{name}:{storage.in_home(where).absolute()}"
 
 
-BrushOption = Annotated[
-    str, listing_option("--brush", metavar="NAME", groups=(registry.STROKE_MODELS,), says="The brush. Available:")
-]
-SeedOption = Annotated[int, typer.Option(parser=whole_number_within(0, 2**31 - 1), metavar="N", help="Random seed.")]
-PlanFile = Annotated[
-    Path, typer.Argument(metavar="PLAN", help="A plan.json, or the folder of a painting.", show_default=False)
-]
-PictureOut = Annotated[
-    Path, typer.Option(parser=picture_file, metavar="FILE", help="The picture to write, .png or .jpg.")
-]
 RobotOption = Annotated[str, setting_option("robot")]
 CameraOption = Annotated[str, setting_option("camera", parser=camera_name)]
 WorkspaceOption = Annotated[Path | None, setting_option("workspace")]
 PaceOption = Annotated[float, setting_option("pace", parser=any_number)]
-PlacementErrorOption = Annotated[str | None, setting_option("placement_error")]
+
+
+@dataclass(frozen=True)
+class MachineOptions:
+    """Machine that paints, and the pace of a simulated one."""
+
+    robot: RobotOption = "virtual"
+    camera: CameraOption = ""
+    workspace: WorkspaceOption = None
+    pace: PaceOption = 0.0

@@ -13,14 +13,8 @@ from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError, Interrupted, RobotStopped, StorageError
 from frida_painter.hardware.latch import latches
 from frida_painter.registry import Later
-from frida_painter.runs.options import (
-    BrushOption,
-    CameraOption,
-    PlacementErrorOption,
-    RobotOption,
-    WorkspaceOption,
-    whole_number_option,
-)
+from frida_painter.runs.options import setting_option, taking, whole_number_option, with_fields
+from frida_painter_calibration.options import EaselOptions, SurfaceOptions
 
 if TYPE_CHECKING:
     from frida_painter.easel.dialogue import Answer, Question
@@ -40,42 +34,19 @@ class What(StrEnum):
     all = "all"
 
 
-CanvasOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="SIZE",
-        help="Canvas size, width x height, in in, cm or mm. [dim]the workspace's, else 14x11in[/]",
-    ),
-]
-SeedOption = Annotated[
-    int,
-    whole_number_option(
-        0,
-        2**31 - 1,
-        "Seed of the virtual studio: its light, robot error and brush. `paint --seed N` uses the same studio.",
-    ),
-]
 RecordOption = Annotated[
     Path | None,
-    typer.Option(
-        "--record",
-        metavar="FILE",
-        help="The calibration record to write or read. [dim]one per easel in your data folder[/]",
-    ),
+    taking("FILE", "The calibration record to write or read. [dim]one per easel in your data folder[/]", "--record"),
 ]
 
 
 def calibrate(
+    *,
     what: Annotated[
         What, typer.Argument(metavar="canvas|robot|color|brush|strokes|surface|all", help="The procedure to run.")
     ],
-    robot: RobotOption = "virtual",
-    camera: CameraOption = "",
-    workspace: WorkspaceOption = None,
-    brush: BrushOption = "broad",
-    canvas: CanvasOption = None,
-    seed: SeedOption = 0,
-    placement_error: PlacementErrorOption = None,
+    easel: EaselOptions,
+    placement_error: Annotated[str | None, setting_option("placement_error")] = None,
     count: Annotated[
         int,
         whole_number_option(
@@ -94,17 +65,7 @@ def calibrate(
         bool,
         typer.Option("--ask", help="Ask you the questions of a real easel. Without it, the virtual studio answers."),
     ] = False,
-    points: Annotated[int, whole_number_option(2, 9, "Points of the surface procedure along each side.")] = 3,
-    heights: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Read the height map of the surface from a TOML file, and measure nothing."),
-    ] = None,
-    marks: Annotated[
-        bool, typer.Option("--marks", help="Learn the surface from painted marks: a picture tells their widths.")
-    ] = False,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Your picture of the canvas with the marks. Nothing is painted.")
-    ] = None,
+    surface: SurfaceOptions,
     record: RecordOption = None,
 ) -> None:
     """Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.
@@ -124,32 +85,30 @@ def calibrate(
         calibrate_one,
         default_record,
         easel_of,
-        easel_spec,
         record_to_renew,
     )
     from frida_painter_cli.terminal import terminal_at
 
-    if what is not What.surface and (heights or marks or picture):
+    if what is not What.surface and (surface.heights or surface.marks or surface.picture):
         raise ConfigError("--heights, --marks and --picture are for calibrate surface; leave them out.")
     prepare_process()
-    spec = easel_spec(robot, camera, workspace, canvas, brush, seed, placement_error)
-    with easel_of(spec) as easel, ExitStack() as stack:
-        path = (record or default_record(easel.calibration.easel)).absolute()
-        known = record_to_renew(path, easel.calibration, anew=what is What.all)
-        ask = ask or not easel.simulated
+    with easel_of(easel.describe(placement_error)) as here, ExitStack() as stack:
+        path = (record or default_record(here.calibration.easel)).absolute()
+        known = record_to_renew(path, here.calibration, anew=what is What.all)
+        ask = ask or not here.simulated
         console = Console(stderr=True, highlight=False)
         terminal = terminal_at(path.parent, console)
         answer = terminal.answer if ask else _take_proposal
-        if heights is None and picture is None:
-            stack.callback(easel.robot.close)
-            stack.callback(easel.camera.close)
-            easel = connect_easel(easel, answer if ask else None, terminal.tell)
+        if surface.heights is None and surface.picture is None:
+            stack.callback(here.robot.close)
+            stack.callback(here.camera.close)
+            here = connect_easel(here, answer if ask else None, terminal.tell)
         for name in PROCEDURES if what is What.all else (what.value,):
             # A dialogue would overwrite a line of progress.
             with nullcontext() if ask else console.status(f"{name} ...") as line:
                 setup = CalibrationSetup(
-                    easel, brush_kind(brush), path, seed, count, line.update if line else lambda words: None,
-                    refill_every, points, heights, marks, picture,
+                    here, brush_kind(easel.brush), path, easel.seed, count,
+                    line.update if line else lambda words: None, refill_every, surface,
                 )  # fmt: skip
                 finding, known = calibrate_one(name, setup, known, answer)
             print(f"{name}: {finding.sentence}")
@@ -163,15 +122,7 @@ def _take_proposal(question: "Question") -> "Answer":
     return question.proposal  # type: ignore[return-value]  # None if nothing was found: the procedure says what to do
 
 
-def doctor(
-    robot: RobotOption = "virtual",
-    camera: CameraOption = "",
-    workspace: WorkspaceOption = None,
-    brush: BrushOption = "broad",
-    canvas: CanvasOption = None,
-    seed: SeedOption = 0,
-    record: RecordOption = None,
-) -> None:
+def doctor(easel: EaselOptions, record: RecordOption = None) -> None:
     """Show what the robot's controller tells, the state of the calibration, and the parts there are.
 
     A named robot is asked for its settings, without motion, in ten seconds: what they mean, what to change, and
@@ -181,14 +132,14 @@ def doctor(
     from frida_painter.easel.kinds import is_machine
     from frida_painter_calibration.commands.controller import examine, examine_machine
 
-    if is_machine(robot):
-        fit = examine_machine(robot, workspace)
-        if workspace is None or not camera:
+    if is_machine(easel.robot):
+        fit = examine_machine(easel.robot, easel.workspace)
+        if easel.workspace is None or not easel.camera:
             raise typer.Exit(0 if fit else 1)
-    from frida_painter_calibration.calibrating import default_record, easel_of, easel_spec
+    from frida_painter_calibration.calibrating import default_record, easel_of
 
-    with easel_of(easel_spec(robot, camera, workspace, canvas, brush, seed, None)) as easel:
-        here = easel.calibration
+    with easel_of(easel.describe()) as opened:
+        here = opened.calibration
     path = (record or default_record(here.easel)).absolute()
     if not examine(path, here, named=record is not None):
         raise typer.Exit(1)
@@ -250,9 +201,9 @@ def parts(
     package: Annotated[str, typer.Argument(metavar="PACKAGE", help="The name of an installed package.")],
     example: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="NAME=TEXT",
-            help="The text with which a part is tried, such as mirror=left-right. May be repeated.",
+        taking(
+            "NAME=TEXT",
+            "The text with which a part is tried, such as mirror=left-right. May be repeated.",
             show_default=False,
         ),
     ] = None,
@@ -279,7 +230,7 @@ def parts(
 
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
-    app.command("calibrate")(calibrate)
-    app.command("doctor")(doctor)
+    app.command("calibrate")(with_fields(calibrate))
+    app.command("doctor")(with_fields(doctor))
     app.command("parts")(parts)
     app.command("arm")(arm)

@@ -5,48 +5,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from frida_painter.canvas_size import CanvasSize
-from frida_painter.runs.options import BrushOption, out_folder
+from frida_painter.runs.options import taking, with_fields
+from frida_painter_calibration.options import SetupOrder
 
 if TYPE_CHECKING:
     from frida_painter_calibration.machine_setup import SetupEvent
 
 
 def setup(
-    preset: Annotated[
-        str | None,
-        typer.Option(metavar="NAME|FILE", help="The preset of the machine, by name or as a file. [dim]asked for[/]"),
-    ] = None,
-    port: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PORT|ADDRESS", help="Where the machine is: a serial port or an address. [dim]asked for[/]"
-        ),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The name of the easel. [dim]that of the preset[/]")
-    ] = None,
-    canvas: Annotated[
-        str | None,
-        typer.Option(
-            metavar="SIZE",
-            help="Canvas size, width x height, in in, cm or mm; two corners are then marked. [dim]measured by three[/]",
-        ),
-    ] = None,
-    brush: BrushOption = "",
-    folder: Annotated[
-        Path | None,
-        typer.Option(
-            parser=out_folder, metavar="FOLDER", help="The folder for the results. [dim]one per easel in your data[/]"
-        ),
-    ] = None,
-    step: Annotated[
-        str | None,
-        typer.Option(metavar="STEP", help="Repeat one step: canvas, touch, surface, paint, trace or strokes."),
-    ] = None,
-    anew: Annotated[bool, typer.Option("--anew", help="Begin from the start, even if a setup was left.")] = False,
+    *,
+    order: SetupOrder,
     show: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Print a preset's file, as the beginning of your own, and exit.")
+        str | None, taking("NAME", "Print a preset's file, as the beginning of your own, and exit.")
     ] = None,
     presets: Annotated[bool, typer.Option("--presets", help="List the presets, and exit.")] = False,
 ) -> None:
@@ -58,7 +28,7 @@ def setup(
     """
     from frida_painter.hardware.preset import read_preset
     from frida_painter.system.devices import prepare_process
-    from frida_painter_calibration.machine_setup import SetupOrder, lead_setup
+    from frida_painter_calibration.machine_setup import lead_setup
     from frida_painter_cli.terminal import GuidingKeys, terminal_at
 
     if presets:
@@ -68,9 +38,7 @@ def setup(
         print(read_preset(show), end="")
         return
     prepare_process()
-    size = None if canvas is None else CanvasSize.parse(canvas)
-    order = SetupOrder(preset, port, name, size, brush or None, folder, step, anew)
-    terminal = terminal_at(folder or Path.cwd(), keys=GuidingKeys.of_this_terminal())
+    terminal = terminal_at(order.folder or Path.cwd(), keys=GuidingKeys.of_this_terminal())
     lead_setup(order, terminal.answer, _tell)
 
 
@@ -115,4 +83,4 @@ def _tell(event: "SetupEvent") -> None:
 
 def register(app: typer.Typer) -> None:
     """Adds the command."""
-    app.command("setup")(setup)
+    app.command("setup")(with_fields(setup))

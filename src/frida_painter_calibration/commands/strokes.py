@@ -19,8 +19,9 @@ from frida_painter.brush import (
     PARAM2STROKE,
 )
 from frida_painter.errors import ConfigError
-from frida_painter.runs.options import BrushOption, SeedOption, listing_option, out_file, whole_number_option
+from frida_painter.runs.options import out_file, taking, whole_number_option
 from frida_painter.system import storage
+from frida_painter_calibration.options import BrushOption, SeedOption, listing_option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,12 +49,9 @@ def evaluate_model(
             says="The weights to test (.safetensors), or a brush. Available:",
         ),
     ],
-    library: Annotated[
-        Path, typer.Option(metavar="FILE", help="A stroke library that the model was not trained on (.npz).")
-    ],
+    library: Annotated[Path, taking("FILE", "A stroke library that the model was not trained on (.npz).")],
     page: Annotated[
-        Path | None,
-        typer.Option(parser=out_file, metavar="FILE", help="Also write a page with pictures of the strokes (.html)."),
+        Path | None, taking("FILE", "Also write a page with pictures of the strokes (.html).", parser=out_file)
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print every figure as JSON.")] = False,
 ) -> None:
@@ -144,15 +142,12 @@ def train(
         ),
     ] = None,
     model: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME", help=f"{FIELD}: needs few strokes; {PARAM2STROKE}: the network of the FRIDA paper."
-        ),
+        str, taking("NAME", f"{FIELD}: needs few strokes; {PARAM2STROKE}: the network of the FRIDA paper.")
     ] = DEFAULT_MODEL,
     seed: SeedOption = 0,
-    out: Annotated[
-        Path, typer.Option(parser=out_file, metavar="FILE", help="The weights to write (.safetensors).")
-    ] = Path("weights.safetensors"),
+    out: Annotated[Path, taking("FILE", "The weights to write (.safetensors).", parser=out_file)] = Path(
+        "weights.safetensors"
+    ),
 ) -> None:
     """Train a stroke model on a library. It predicts a stroke's mark from its thickness, length and bend.
 
@@ -238,9 +233,7 @@ def paint(
     refill_every: Annotated[
         int, whole_number_option(1, MAX_BETWEEN_REFILLS, "Strokes per dip of the brush. 1 dips before every stroke.")
     ] = 1,
-    out: Annotated[
-        Path, typer.Option(parser=out_file, metavar="FILE", help="The stroke library to write (.npz).")
-    ] = Path("library.npz"),
+    out: Annotated[Path, taking("FILE", "The stroke library to write (.npz).", parser=out_file)] = Path("library.npz"),
 ) -> None:
     """Paint single strokes of all shapes in the virtual studio, photograph each, and save them as a library.
 
@@ -267,10 +260,7 @@ def paint(
 def inspect(
     library: Annotated[Path, typer.Argument(metavar="LIBRARY", help="A stroke library (.npz).")],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            parser=out_file, metavar="FILE", help="The contact sheet to write (.png or .jpg).", show_default=False
-        ),
+        Path | None, taking("FILE", "The contact sheet to write (.png or .jpg).", parser=out_file, show_default=False)
     ] = None,
 ) -> None:
     """Find the flawed strokes of a library, give the reasons, and write a contact sheet of all strokes."""

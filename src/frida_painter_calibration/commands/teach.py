@@ -3,6 +3,7 @@
 import re
 import select
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,8 +11,9 @@ import typer
 
 from frida_painter.brush import FIELD, MAX_STROKES
 from frida_painter.errors import ConfigError, FridaError
-from frida_painter.runs.options import BrushOption, SeedOption, WorkspaceOption, out_file, whole_number_option
+from frida_painter.runs.options import WorkspaceOption, out_file, taking, whole_number_option, with_fields
 from frida_painter_calibration.commands.strokes import learn_on, paint_library, work_bar
+from frida_painter_calibration.options import BrushOption, SeedOption
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,6 +28,37 @@ def _sizes(text: str) -> tuple[float, float]:
     return float(found[1]) / 1000, float(found[2]) / 1000
 
 
+@dataclass(frozen=True)
+class FamilyOptions:
+    """Family of strokes to learn."""
+
+    name: Annotated[str, taking("NAME", "The name of the family.")]
+    brush: BrushOption = "fine"
+    size: Annotated[
+        str,
+        taking(
+            "A-B",
+            "Smallest and largest size of its strokes in millimetres. [dim]those of the marks, with room[/]",
+            show_default=False,
+        ),
+    ] = ""
+
+
+@dataclass(frozen=True)
+class ArmOptions:
+    """Arm that a person guides."""
+
+    robot: Annotated[
+        str,
+        taking(
+            "NAME",
+            "An arm that you guide by hand over its canvas, to draw the marks with it: xarm or franka.",
+            show_default=False,
+        ),
+    ] = ""
+    workspace: WorkspaceOption = None
+
+
 def teach(
     *,
     marks: Annotated[
@@ -37,17 +70,8 @@ def teach(
             show_default=False,
         ),
     ] = None,
-    name: Annotated[str, typer.Option(metavar="NAME", help="The name of the family.")],
-    brush: BrushOption = "fine",
-    size: Annotated[
-        str,
-        typer.Option(
-            metavar="A-B",
-            help="Smallest and largest size of its strokes in millimetres. [dim]those of the marks, with room[/]",
-            show_default=False,
-        ),
-    ] = "",
-    unit: Annotated[str, typer.Option(metavar="m|cm|mm", help="The unit of x, y and height.")] = "mm",
+    of: FamilyOptions,
+    unit: Annotated[str, taking("m|cm|mm", "The unit of x, y and height.")] = "mm",
     count: Annotated[
         int,
         whole_number_option(
@@ -59,28 +83,20 @@ def teach(
     ] = 40,
     library: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="A library of the family's strokes, to learn from instead of the virtual studio (.npz).",
+        taking(
+            "FILE",
+            "A library of the family's strokes, to learn from instead of the virtual studio (.npz).",
             show_default=False,
         ),
     ] = None,
-    robot: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="An arm that you guide by hand over its canvas, to draw the marks with it: xarm or franka.",
-            show_default=False,
-        ),
-    ] = "",
-    workspace: WorkspaceOption = None,
+    arm: ArmOptions,
     seed: SeedOption = 0,
     out: Annotated[
         Path | None,
-        typer.Option(
+        taking(
+            "FILE",
+            "The family to write (.safetensors), for --strokes-of. [dim]NAME.safetensors[/]",
             parser=out_file,
-            metavar="FILE",
-            help="The family to write (.safetensors), for --strokes-of. [dim]NAME.safetensors[/]",
             show_default=False,
         ),
     ] = None,
@@ -102,23 +118,23 @@ def teach(
     from frida_painter_calibration.teaching.learned_pages import family_sheet
     from frida_painter_calibration.teaching.marks import learn_family, read_marks
 
-    out = out or Path(f"{name}.safetensors")
+    out = out or Path(f"{of.name}.safetensors")
     if out.suffix != ".safetensors":
         raise ConfigError(f"--out was given {str(out)!r}; a family goes into a file that ends in .safetensors.")
-    if robot:
-        marks = marks or Path(f"{name}-marks.json")
-        guide(robot, workspace, brush, marks)
+    if arm.robot:
+        marks = marks or Path(f"{of.name}-marks.json")
+        guide(arm.robot, arm.workspace, of.brush, marks)
         unit = "mm"
-    elif workspace is not None:
+    elif arm.workspace is not None:
         raise ConfigError("--workspace was given without --robot; name the arm that you guide, or leave it out.")
     elif marks is None:
         raise ConfigError("No marks were given; give a file of MARKS, or an arm to guide by hand: --robot.")
     taught = read_marks(marks, unit)
-    family = learn_family(taught, name, _sizes(size) if size else None)
-    kind = brush_kind(brush).of_family(family)
+    family = learn_family(taught, of.name, _sizes(of.size) if of.size else None)
+    kind = brush_kind(of.brush).of_family(family)
     prepare_process()
     codes = "one shape code" if family.codes == 1 else f"{family.codes} shape codes"
-    said = f"{len(taught)} marks make the family {name}, with {codes}."
+    said = f"{len(taught)} marks make the family {of.name}, with {codes}."
     if count == 0 and library is None:
         write_family(out, family)
         images.save(family_sheet(family, taught), out.with_suffix(".png"))
@@ -133,10 +149,10 @@ def teach(
     learned.model.save(out)
     images.save(family_sheet(family, taught, learned.model), out.with_suffix(".png"))
     print(
-        f"{said} Learned from {len(learned.library)} clean strokes of {len(strokes)} for the {brush} brush; on "
+        f"{said} Learned from {len(learned.library)} clean strokes of {len(strokes)} for the {of.brush} brush; on "
         f"{len(learned.report.held_out)} others the mean error of the magnitude is "
         f"{learned.report.validation_error:.4f}: {out}\nSheet: {out.with_suffix('.png')}\n"
-        f"Paint with it: frida-painter paint PICTURE --brushes {brush} --strokes-of {out}"
+        f"Paint with it: frida-painter paint PICTURE --brushes {of.brush} --strokes-of {out}"
     )
 
 
@@ -194,4 +210,4 @@ def guide(robot: str, workspace: Path | None, brush: str, path: Path) -> None:
 
 def register(app: typer.Typer) -> None:
     """Adds the command."""
-    app.command("teach")(teach)
+    app.command("teach")(with_fields(teach))

@@ -16,7 +16,8 @@ from frida_painter.session.opening import load_record
 from frida_painter.session.outline import plan_outlines, trace_outlines
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import storage
-from frida_painter_calibration.calibrating import easel_of, easel_spec
+from frida_painter_calibration.calibrating import easel_of
+from frida_painter_calibration.options import EaselOptions
 from frida_painter_calibration.procedures.paper import ask_for_corners
 from frida_painter_cli.leading import confirm, tell
 from frida_painter_cli.stop_signal import stop_on_signals
@@ -33,8 +34,8 @@ def trace_plan(plan: Path | None, robot: str, workspace: Path | None, record: Pa
     """
     loaded = None if plan is None else Plan.load(plan)
     size = f"{1000 * loaded.canvas.width}x{1000 * loaded.canvas.height}mm" if loaded and workspace is None else None
-    spec = easel_spec(robot, NO_CAMERA, workspace, size, loaded.brushes[0] if loaded else "broad", 0, None)
-    with stop_on_signals() as stop, easel_of(spec) as opened:
+    named = EaselOptions(robot, NO_CAMERA, workspace, loaded.brushes[0] if loaded else "broad", size)
+    with stop_on_signals() as stop, easel_of(named.describe()) as opened:
         known = opened.calibration
         if record is not None:
             known = load_record(record, known, simulated=opened.simulated)

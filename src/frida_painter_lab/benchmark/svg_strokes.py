@@ -9,7 +9,7 @@ import itertools
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.parsers import expat
 
@@ -125,15 +125,15 @@ class _Inspector:
     """
 
     name: str
-    width: float = 0.0
-    height: float = 0.0
-    physical: bool = False
-    depth: int = 0
-    count: int = 0
-    shapes: int = 0
-    numbers: int = 0
-    clipped: int = 0
-    in_style: bool = False
+    width: float = field(default=0.0, init=False)
+    height: float = field(default=0.0, init=False)
+    physical: bool = field(default=False, init=False)
+    depth: int = field(default=0, init=False)
+    count: int = field(default=0, init=False)
+    shapes: int = field(default=0, init=False)
+    numbers: int = field(default=0, init=False)
+    clipped: int = field(default=0, init=False)
+    in_style: bool = field(default=False, init=False)
 
     def refuse(self, what: str) -> HandInError:
         return HandInError(f"{self.name} has {what}, which is not read; hand in paths alone, with their strokes.")

@@ -123,7 +123,7 @@ class PlannerPolicy:
         task, palette = self._task, Palette(torch.from_numpy(observation["paints"]))
         picture = images.from_uint8(observation["goal"])
         settings = PlannerSettings.of(
-            canvas=task.size, ground=task.ground, brushes=task.brush.name, render_height=max(task.grid.rows, 64),
+            canvas=task.grid.size, ground=task.ground, brushes=task.brush.name, render_height=max(task.grid.rows, 64),
             effort=self._effort, seed=self._seed, layers=1, focus="none", paints="any",
         )  # fmt: skip
         self._planner = Planner(Goal((ImageTerm(picture, wanted=picture),)), settings)
@@ -142,7 +142,8 @@ class PlannerPolicy:
         x, y, turn = self._placement.error
         cos, sin = math.cos(turn), math.sin(turn)
         back = -(cos * x + sin * y), sin * x - cos * y, -turn  # the inverse of a turn and a shift
-        return displace_strokes(plan.strokes, back, self._task.size).project(self._task.code.limits, self._task.size)
+        size = self._task.grid.size
+        return displace_strokes(plan.strokes, back, size).project(self._task.code.limits, size)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ from frida_painter_lab.env.task import (
     Observation,
     PaintingTask,
     beside,
-    open_judge,
+    open_task,
     require_render_mode,
     require_seed,
     require_whole,
@@ -78,7 +78,7 @@ class RendererVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]
     num_envs: their number
     render_mode: "rgb_array" for pictures of goal and canvas beside each other, one for each environment
     seed: seed of the first reset that gets none
-    settings: those of PaintingTask
+    settings: those of `open_task`
 
     An environment whose episode is over is reset by the next step, which ignores its action (AutoresetMode.NEXT_STEP).
     Raises ConfigError and ImageError for wrong settings.
@@ -93,12 +93,11 @@ class RendererVectorEnv(VectorEnv[Observation, NDArray[np.float32], NDArray[Any]
     ) -> None:
         require_whole("num_envs", num_envs, 1, 4096)
         require_render_mode(render_mode)
-        self.task = task = PaintingTask.of(**settings)
+        self.task, self._judge = task, _ = open_task(**settings)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.single_action_space, self.single_observation_space = task.action_space(), task.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._judge = open_judge(task.judge)
         self._first_seed = require_seed(seed)
         self._stack = CanvasStack(task, num_envs)
         self._random: list[np.random.Generator] = []

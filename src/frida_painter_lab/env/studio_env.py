@@ -24,7 +24,7 @@ from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
 from frida_painter.virtual.studio import FREE, VirtualStudio
 from frida_painter_lab.env.actions import require_action
-from frida_painter_lab.env.task import Observation, PaintingTask, beside, open_judge, require_render_mode, require_seed
+from frida_painter_lab.env.task import Observation, PaintingTask, beside, open_task, require_render_mode, require_seed
 
 _RENDER_ROWS = 480
 _MAX_SEED = 2**31
@@ -36,7 +36,7 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
     batch: number of strokes of an action, [batch, 7]. None: one stroke, [7].
     render_mode: "rgb_array" for pictures of the goal and of the true canvas beside each other.
     seed: seed of the first reset that gets none.
-    settings: those of PaintingTask.
+    settings: those of `open_task`.
 
     A reset opens a studio whose seed is drawn from that of the reset, with a bare canvas; its option `goal` is a
     picture for this episode. An episode is never terminated; it is truncated when the budget of strokes or of minutes
@@ -50,7 +50,7 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         self, *, batch: int | None = None, render_mode: str | None = None, seed: int | None = None, **settings: Any
     ) -> None:
         require_render_mode(render_mode)
-        self.task = PaintingTask.of(**settings)
+        self.task, self._judge = open_task(**settings)
         if batch is not None and not (type(batch) is int and batch >= 1 and self.task.strokes % batch == 0):
             raise ConfigError(
                 f"A batch of {batch!r} strokes was given; give a whole number that divides {self.task.strokes} strokes."
@@ -59,7 +59,6 @@ class StudioEnv(gymnasium.Env[Observation, NDArray[np.float32]]):
         space = self.task.action_space(batch)
         self._shape, self.action_space = space.shape, cast(gymnasium.Space[NDArray[np.float32]], space)
         self.observation_space = self.task.observation_space()
-        self._judge = open_judge(self.task.judge)
         self._first_seed = require_seed(seed)
         self._episode: _Episode | None = None
 
@@ -140,7 +139,9 @@ class _Episode:
 
     def __init__(self, task: PaintingTask, goal: int, seed: int) -> None:
         seeded = SimulationOrder(seed)
-        order = EaselOrder("virtual", task.size, (task.brush.name,), Path(tempfile.gettempdir()), simulation=seeded)
+        order = EaselOrder(
+            "virtual", task.grid.size, (task.brush.name,), Path(tempfile.gettempdir()), simulation=seeded
+        )
         self.studio, easel = assemble_easel(order, FREE)
         easel.robot.connect()
         easel.camera.connect()
@@ -170,7 +171,7 @@ class _Episode:
         task, code = self._task, self._task.code
         strokes, paint = code.decode(action, self._palette.color)
         plan = Plan.of(
-            strokes, self._palette, paint, brush=task.brush.name, limits=code.limits, canvas=task.size,
+            strokes, self._palette, paint, brush=task.brush.name, limits=code.limits, canvas=task.grid.size,
             ground=task.ground,
         )  # fmt: skip
         for each in self._hand.prepare(plan, self.done, task.strokes):

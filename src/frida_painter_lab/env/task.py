@@ -1,4 +1,4 @@
-"""Task of an environment: goals, paints, brush and budgets, its judge, and its spaces of actions and observations."""
+"""Task of an environment: goals, paints, brush and budgets, its spaces of actions and observations; the judges."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -35,12 +35,19 @@ _MIN_SIDE = 8  # pixels of a goal
 _PAINT_SEED = 0
 
 
-def open_judge(name: str) -> Judge:
-    """Returns a judge by its name.
+def open_judge(name: str, grid: PixelGrid) -> Judge:
+    """Returns a judge by its name, for pictures on that grid.
 
     "psnr" is in dB, "ssim" in [-1, 1], "perceptual" minus the distance of features of a network, which must be fetched.
-    Raises WeightsError if the network is missing.
+    Raises ConfigError for another name or a grid that is too small, WeightsError if the network is missing.
     """
+    if name not in JUDGES:
+        raise ConfigError(f"The judge {str(name)[:40]!r} was given; take {', '.join(JUDGES)}.")
+    if name == "ssim" and not min(grid.rows, grid.columns) >= _SSIM_WINDOW:
+        raise ConfigError(
+            f"The judge ssim compares windows of {_SSIM_WINDOW} x {_SSIM_WINDOW} pixels, and the observed pictures "
+            f"are {grid.columns} x {grid.rows}; give more rows, or take another judge."
+        )
     if name == "psnr":
         return _judge_errors
     from frida_painter.objectives.encoders.loading import EncoderRegistry  # loaded here because few callers need it
@@ -65,25 +72,22 @@ def _judge_errors(canvas: Tensor, goal: Tensor) -> NDArray[np.float64]:
 class PaintingTask:
     """Task of an environment.
 
-    size, brush, ground: canvas, brush, and sRGB of the bare canvas
-    grid: pixels of the observation
+    grid: canvas, in pixels of the observation
+    brush, ground: brush, and sRGB of the bare canvas
     goals: bytes [g, rows, columns, 3], of which each episode has one
     mixed: the paints as they were given
     palettes: colours of the paints for each goal, [g, k, 3]
     strokes, minutes: budgets of an episode
-    judge: name of the judge
     """
 
-    size: CanvasSize
+    grid: PixelGrid
     brush: BrushKind
     ground: tuple[float, float, float]
-    grid: PixelGrid
     goals: NDArray[np.uint8]
     mixed: Paints
     palettes: Tensor
     strokes: int
     minutes: float
-    judge: str
 
     @classmethod
     def of(
@@ -95,7 +99,6 @@ class PaintingTask:
         goal: Picture | Sequence[Picture] | None = None,
         strokes: int = 100,
         minutes: float = 120.0,
-        judge: str = "psnr",
         rows: int = 64,
         ground: str = "#ffffff",
     ) -> Self:
@@ -107,23 +110,14 @@ class PaintingTask:
         goal: picture, or several of which each episode has one. None: some photographs of the project
         strokes: most strokes of an episode
         minutes: most minutes that the robot takes in an episode
-        judge: psnr, ssim or perceptual
         rows: height of the observed pictures in pixels
         ground: colour of the bare canvas
         """
-        size = CanvasSize.of(canvas)
         require_whole("strokes", strokes, 1, 100_000)
         require_whole("rows", rows, 16, 1024)
         if not (isinstance(minutes, int | float) and 0 < minutes <= 100_000):
             raise ConfigError(f"{minutes!r} minutes were given; give a number above 0, at most 100000.")
-        if judge not in JUDGES:
-            raise ConfigError(f"The judge {str(judge)[:40]!r} was given; take {', '.join(JUDGES)}.")
-        grid = PixelGrid.of_height(size, rows)
-        if judge == "ssim" and not min(grid.rows, grid.columns) >= _SSIM_WINDOW:
-            raise ConfigError(
-                f"The judge ssim compares windows of {_SSIM_WINDOW} x {_SSIM_WINDOW} pixels, and the observed pictures "
-                f"are {grid.columns} x {grid.rows}; give more rows, or take another judge."
-            )
+        grid = PixelGrid.of_height(CanvasSize.of(canvas), rows)
         if goal is None:
             goal = [target.picture for target in targets.load_shipped_targets()]
         pictures = [goal] if isinstance(goal, str | Path | Tensor | np.ndarray) else list(goal)
@@ -132,10 +126,8 @@ class PaintingTask:
             raise ConfigError("No goal was given; give a picture, or leave it out for photographs of the project.")
         palettes = torch.stack([_palette(paints, images.from_uint8(one)) for one in goals])
         red, green, blue = _color(ground).tolist()
-        return cls(
-            size, brush_kind(brush), (red, green, blue), grid, np.stack(goals), paints, palettes,
-            strokes, float(minutes), judge,
-        )  # fmt: skip
+        held = brush_kind(brush)
+        return cls(grid, held, (red, green, blue), np.stack(goals), paints, palettes, strokes, float(minutes))
 
     @property
     def paints(self) -> int:
@@ -145,7 +137,7 @@ class PaintingTask:
     @property
     def code(self) -> StrokeCode:
         """Code between actions and strokes."""
-        return StrokeCode(self.size, self.brush.limits.within(self.size), self.paints)
+        return StrokeCode(self.grid.size, self.brush.limits.within(self.grid.size), self.paints)
 
     def action_space(self, batch: int | None = None) -> spaces.Box:
         """Returns the space of a stroke, [7], or of a batch of strokes, [batch, 7]."""
@@ -187,6 +179,12 @@ class PaintingTask:
             return self
         goal = _fit(picture, self.grid)
         return replace(self, goals=goal[None], palettes=_palette(self.mixed, images.from_uint8(goal))[None])
+
+
+def open_task(*, judge: str = "psnr", **settings: Any) -> tuple[PaintingTask, Judge]:
+    """Returns the task of the settings of `PaintingTask.of`, and its judge: psnr, ssim or perceptual."""
+    task = PaintingTask.of(**settings)
+    return task, open_judge(judge, task.grid)
 
 
 def require_render_mode(mode: str | None) -> None:

@@ -271,14 +271,21 @@ class Making:
         return self.pictures[index].file
 
 
+@dataclass(frozen=True)
+class MakingWish:
+    """Pictures that a person wants of some words: how many, each with a seed of its own, and the minutes for all."""
+
+    words: str
+    maker: str  # "NAME" or "NAME:TEXT"
+    count: int = USUAL_PICTURES
+    minutes: float = USUAL_MINUTES
+
+
 def make_pictures(
-    words: str,
-    maker: str,
+    wish: MakingWish,
     folder: Path,
     spec: RunSpec,
     *,
-    count: int = USUAL_PICTURES,
-    minutes: float = USUAL_MINUTES,
     stop_asked: Callable[[], bool] = lambda: False,
     tell: Callable[[str], None] = lambda sentence: None,
     encoders: EncoderRegistry | None = None,
@@ -286,35 +293,32 @@ def make_pictures(
 ) -> Making:
     """Makes pictures from words, in a new folder; every picture is read and checked.
 
-    maker: "NAME" or "NAME:TEXT"
     spec: description of the painting, for canvas, seed and CLIP; its seed is that of the first picture
-    count: number of pictures, each with a seed of its own
-    minutes: time for all pictures
     encoders: networks that compare pictures with the words. None: the fetched ones
     canvas: canvas that the pictures begin from, in the middle of a painting
     Raises ConfigError, WeightsError if the named CLIP cannot be loaded, MakingFailed if there is no picture to paint,
     Interrupted after a stop, and StorageError.
     """
-    if not 1 <= count <= MAX_PICTURES:
-        raise ConfigError(f"{count} pictures were asked for; a making has 1 to {MAX_PICTURES}.")
-    if not 0 < minutes <= MAX_MINUTES:
+    if not 1 <= wish.count <= MAX_PICTURES:
+        raise ConfigError(f"{wish.count} pictures were asked for; a making has 1 to {MAX_PICTURES}.")
+    if not 0 < wish.minutes <= MAX_MINUTES:
         raise ConfigError(
-            f"{minutes:g} minutes were given to the making; it takes above 0 and at most {MAX_MINUTES:g}."
+            f"{wish.minutes:g} minutes were given to the making; it takes above 0 and at most {MAX_MINUTES:g}."
         )
-    name, opened = open_picture_maker(maker)
+    words, (name, opened) = wish.words, open_picture_maker(wish.maker)
     device = planning_device()
     if spec.clip is not None:  # one that cannot be loaded is told before anything is made
         encoders = encoders or EncoderRegistry(clip=spec.clip, device=device, tell=tell)
         encoders.clip()
     made = storage.new_folder(folder)
-    seeds = tuple((spec.seed + number) % 2**31 for number in range(count))
+    seeds = tuple((spec.seed + number) % 2**31 for number in range(wish.count))
     faults: list[tuple[str, MakingFailed]] = []
     pictures: list[MadePicture] = []
     try:
         with TemporaryDirectory(dir=folder, prefix=".making-") as place:
             begins_from = (None, None) if canvas is None else canvas.save(folder)
             request = PictureRequest(
-                words, seeds, *_size(spec), Path(place), device, 60 * minutes, stop_asked, tell, *begins_from
+                words, seeds, *_size(spec), Path(place), device, 60 * wish.minutes, stop_asked, tell, *begins_from
             )
             for number, (file, made_from) in enumerate(zip(_ask(name, opened, request), seeds, strict=True), 1):
                 try:
@@ -323,13 +327,12 @@ def make_pictures(
                     why = str(cause).replace(str(file), "it", 1).rstrip(".")
                     fault = f"Picture {number} of {name} cannot be painted: {why}; try other words, another --seed or "
                     faults.append((f"Picture {number} is left out: {why}.", MakingFailed(f"{fault}another maker.")))
-                    continue
                 except MakingFailed as cause:
                     faults.append((f"Picture {number} is left out: {cause}", cause))
-                    continue
-                target = folder / f"{name_of(words)}-{number}.png"
-                images.save(picture, target)
-                pictures.append(MadePicture(target, made_from, picture))
+                else:
+                    target = folder / f"{name_of(words)}-{number}.png"
+                    images.save(picture, target)
+                    pictures.append(MadePicture(target, made_from, picture))
         if not pictures:
             raise faults[0][1]
     except BaseException:
@@ -342,7 +345,7 @@ def make_pictures(
     left_out = tuple(sentence for sentence, _ in faults)
     for sentence in left_out:
         tell(sentence)
-    best, rule = _rank(words, [one.picture for one in pictures], encoders, request)
+    best, rule = _rank([one.picture for one in pictures], encoders, request)
     return Making(words, name, dict(opened.facts), folder, tuple(pictures), best, rule, left_out)
 
 
@@ -350,8 +353,7 @@ def _ask(name: str, maker: PictureMaker, request: PictureRequest) -> list[Path |
     """Returns the files that a maker makes. Raises MakingFailed, Interrupted, and PluginError for any other failure."""
     with _blaming(name):
         files = [file if isinstance(file, MakingFailed) else Path(file) for file in maker.make(request)]
-    wanted = len(request.seeds)
-    if len(files) != wanted:
+    if len(files) != (wanted := len(request.seeds)):
         made = "no picture" if not files else count_of(len(files), "picture")
         raise MakingFailed(f"{name} made {made}, and was asked for {wanted}; it makes one for each seed.")
     return files
@@ -375,9 +377,7 @@ def _read(file: Path | MakingFailed) -> Tensor:
     return picture
 
 
-def _rank(
-    words: str, pictures: Sequence[Tensor], networks: EncoderRegistry | None, request: PictureRequest
-) -> tuple[int, str]:
+def _rank(pictures: Sequence[Tensor], networks: EncoderRegistry | None, request: PictureRequest) -> tuple[int, str]:
     """Returns the index of the picture that is nearest to the words, and a phrase that tells the rule."""
     if len(pictures) == 1:
         return 0, "it is the only one"
@@ -387,7 +387,7 @@ def _rank(
     except FridaError:
         return 0, "it is the first; no network is here that compares pictures with words"
     with torch.no_grad():
-        wanted = reader.embed_text(words)
+        wanted = reader.embed_text(request.words)
         views = torch.stack([images.fit(picture, reader.side, reader.side) for picture in pictures])
         near = reader.embed_pictures(views.to(request.device)) @ wanted.to(request.device)
     return int(near.argmax()), f"it is the nearest to the words by {reader.name}"
