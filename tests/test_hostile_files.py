@@ -97,9 +97,9 @@ def resume(folder: Path) -> None:
     with contextlib.closing(found.journal):
         known = found.history
         resuming.light(known)
-        resuming.last_photograph(folder, known)
+        resuming.load_photograph(folder, known.last_photograph)
         resuming.region(folder, known)
-        resuming.first_canvas(folder, known, found.spec.canvas, folder / "calibration.json")
+        resuming.load_canvas(folder, known.last_photograph, known, found.spec.canvas, folder / "calibration.json")
         known.wet(datetime.now(UTC))
         if found.plan is not None:
             found.plan.plan.part(slice(found.plan.planning.done, known.painted))

@@ -72,10 +72,9 @@ def imagine_beginning(spec: RunSpec, given: Mapping[str, Any], *, asked: bool, p
         )
     if maker is None:
         return spec
-    from frida_painter.objectives.encoders.loading import EncoderRegistry
     from frida_painter.runs.goal_item import name_of
     from frida_painter.runs.goals import open_goal
-    from frida_painter.session.opening import planning_device
+    from frida_painter.runs.settle import open_networks
 
     now = f"{datetime.now():%Y%m%d-%H%M%S}"
     with stop_on_signals(
@@ -86,9 +85,7 @@ def imagine_beginning(spec: RunSpec, given: Mapping[str, Any], *, asked: bool, p
             if stop.asked:
                 raise Interrupted("You stopped before any picture was made, and nothing was painted.")
 
-        encoders = EncoderRegistry(
-            clip=spec.clip, device=planning_device(), pictures=spec.pictures, tell=_tell, heed=heed
-        )
+        encoders = open_networks(spec, _tell, heed)
         if named is None:
             open_goal(spec)  # refuses words that the generator cannot read either
             _tell(f"A picture is made from the words first, by the fetched generator; {_WITHOUT}.")

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from rich.console import Console
@@ -33,22 +32,7 @@ from frida_painter.easel.dialogue import (
 from frida_painter.errors import Interrupted
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.optimize import Step
-from frida_painter.session.events import (
-    Began,
-    Drying,
-    Event,
-    LayerBegun,
-    Looked,
-    PaintsWanted,
-    Paused,
-    Planned,
-    PlanningStep,
-    Remark,
-    Scheduled,
-    SessionResumed,
-    StrokeLeftOut,
-    StrokePainted,
-)
+from frida_painter.session import events
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.time_left import PlanTime, duration, share_of_plan
 from frida_painter.system import images
@@ -56,25 +40,12 @@ from frida_painter.system import images
 # Progress with a forecast of the time left, from measured durations of each kind of work.
 
 
-def progress_bar(console: Console) -> Progress:
-    """Returns a bar for one long task: the current work, a bar, and the time left."""
-    return Progress(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
+class Line(Progress):
+    """Line on the terminal for one long task, within a `with` block: the current work, a bar, and the time left."""
 
-
-class Line:
-    """Bar on the terminal within a `with` block."""
-
-    def __init__(self, bar: Progress) -> None:
-        self._bar = bar
-
-    def __enter__(self) -> Self:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
+    def __init__(self, console: Console) -> None:
+        super().__init__(TextColumn("{task.description}"), BarColumn(bar_width=36), _TimeLeft(), console=console)
+        self.task = self.add_task("getting ready", total=1.0, left=math.inf)
 
 
 class PaintingLine(Line):
@@ -85,22 +56,21 @@ class PaintingLine(Line):
 
     def __init__(self, console: Console, state: Callable[[], PaintingState]) -> None:
         self._state, self._is_aside = state, False
-        super().__init__(progress_bar(console))
-        self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
+        super().__init__(console)
 
-    def hear(self, event: Event) -> None:
+    def hear(self, event: events.Event) -> None:
         """Shows an event; during a pause, the terminal is free for questions."""
-        if isinstance(event, Paused):
-            self._bar.stop()
+        if isinstance(event, events.Paused):
+            self.stop()
         elif not self._is_aside:
-            self._bar.start()
-        if isinstance(event, Remark) and event.about != "last look":  # which is told at the end
-            self._bar.console.print(event.sentence, markup=False)
+            self.start()
+        if isinstance(event, events.Remark) and event.about != "last look":  # which is told at the end
+            self.console.print(event.sentence, markup=False)
         state = self._state()
         passed, left = state.seconds, state.time.remaining
-        self._bar.update(
-            self._task,
-            description=_words(event, state.pace) or self._bar.tasks[0].description,
+        self.update(
+            self.task,
+            description=_words(event, state.pace) or self.tasks[0].description,
             completed=passed / max(passed + left, 1e-9),
             left=left,
         )
@@ -108,14 +78,14 @@ class PaintingLine(Line):
     @contextmanager
     def aside(self) -> Iterator[None]:
         """Hides the line within the `with` block, for a question."""
-        shown, self._is_aside = self._bar.live.is_started, True
-        self._bar.stop()
+        shown, self._is_aside = self.live.is_started, True
+        self.stop()
         try:
             yield
         finally:
             self._is_aside = False
             if shown:
-                self._bar.start()
+                self.start()
 
 
 class PlanningLine(Line):
@@ -125,15 +95,14 @@ class PlanningLine(Line):
     """
 
     def __init__(self, console: Console, expected: float | None = None) -> None:
-        self._time = PlanTime(expected)
-        super().__init__(progress_bar(console))
-        self._task = self._bar.add_task("getting ready", total=1.0, left=math.inf)
+        self._plan_time = PlanTime(expected)
+        super().__init__(console)
 
     def hear(self, step: Step) -> None:
         """Shows a step; later steps, with all strokes placed, take longer than the first."""
         share = share_of_plan(step.iteration, step.of)
-        left = self._time.find_remaining(share)
-        self._bar.update(self._task, description=f"planning {100 * share:3.0f} %", completed=share, left=left)
+        left = self._plan_time.find_remaining(share)
+        self.update(self.task, description=f"planning {100 * share:3.0f} %", completed=share, left=left)
 
 
 class _TimeLeft(ProgressColumn):
@@ -144,41 +113,38 @@ class _TimeLeft(ProgressColumn):
         return Text(f"{duration(left)} left" if math.isfinite(left) else "")
 
 
-def _words(event: Event, pace: float) -> str:
+def _words(event: events.Event, pace: float) -> str:
     match event:
-        case PlanningStep("plan", iteration, of):
+        case events.PlanningStep("plan", iteration, of):
             return f"planning {100 * iteration // of:3d} %"
-        case PlanningStep(_, iteration, of):
+        case events.PlanningStep(_, iteration, of):
             return f"planning the rest again {100 * iteration // of:3d} %"
-        case Planned(similarity=(expected, least, most)):
+        case events.Planned(similarity=(expected, least, most)):
             return f"planned: {SimilarityForecast(expected, least, most)}"
-        case Scheduled(0, seconds=float(seconds), drying=drying):
+        case events.Scheduled(0, seconds=float(seconds), drying=drying):
             return f"the robot will take {duration(seconds - (1 - min(pace, 1)) * drying)}"
-        case PaintsWanted((color,), ground=True):
+        case events.PaintsWanted((color,), ground=True):
             return f"toning the canvas in {color}"
-        case PaintsWanted(colors):
+        case events.PaintsWanted(colors):
             return f"mixing {len(colors)} paints"
-        case StrokePainted(done, of) | StrokeLeftOut(done, of):
+        case events.StrokePainted(done, of) | events.StrokeLeftOut(done, of):
             return f"stroke {done} of {of}"
-        case Drying(left=left) if left * pace > 0:
+        case events.Drying(left=left) if left * pace > 0:
             return f"letting the paint dry, {duration(left * pace)} more"
-        case LayerBegun(layer=layer, brush=brush):
+        case events.LayerBegun(layer=layer, brush=brush):
             return f"layer {layer}, with the {brush} brush"
-        case Looked():
+        case events.Looked():
             return "looking at the canvas"
-        case SessionResumed(done):
+        case events.SessionResumed(done):
             return f"going on after stroke {done}"
-        case Paused(cause="button"):
+        case events.Paused(cause="button"):
             return "paused by the machine's button"
-        case Paused():
+        case events.Paused():
             return "paused"
-        case Began("results"):
+        case events.Began("results"):
             return "finishing the film and the page"
         case _:
             return ""
-
-
-# Progress of downloads of networks.
 
 
 _LEFT = "You left, or nobody is there to answer; what was done before is kept."
@@ -217,15 +183,16 @@ class Terminal:
                 self.tell(f"  {number:2d}  {thing}{note}")
         if isinstance(question, Guide) and self.keys is not None:
             return self.keys.answer(question, self.tell)
+        prompt, understand, allowed = _in_words(question)
         while True:
             try:
-                line = self.ask(_prompt(question)).strip()
+                line = self.ask(prompt).strip()
             except (EOFError, KeyboardInterrupt) as end:
                 raise Interrupted(_LEFT) from end
-            understood = _parse_line(question, line if isinstance(question, EnterAddress) else line.lower())
+            understood = understand(line if isinstance(question, EnterAddress) else line.lower())
             if understood is not None:
                 return understood
-            self.tell(_list_allowed(question))
+            self.tell(allowed)
 
     def _show(self, picture: Tensor | None) -> None:
         if picture is not None:
@@ -250,48 +217,52 @@ def terminal_at(pictures: Path, console: Console | None = None, keys: "GuidingKe
     )
 
 
-def _prompt(question: SetupQuestion) -> str:
+def _in_words(question: SetupQuestion) -> tuple[str, Callable[[str], Answer | None], str]:
+    """Returns the prompt of a question, what a typed line means (None if it is not valid), and what may be typed."""
     match question:
-        case Confirm(proposal=proposal):
-            return "[Y/n] " if proposal else "[y/N] "
-        case PointCorners(proposal=None):
-            return "Four corners: "
-        case PointCorners(proposal=proposal):
-            points = "  ".join(f"{column:.1f},{row:.1f}" for column, row in proposal or ())
-            return f"Four corners [{points}]: "
-        case Jog(height=height):
-            return f"{height * 1000:.1f} mm> "
-        case Measure(proposal=None):
-            return "mm: "
-        case Measure(proposal=proposal):
-            return f"mm [{(proposal or 0) * 1000:g}]: "
-        case Guide(position=position):
-            return f"{_millimetres(position)} mm> "
-        case Choose(things=things, proposal=proposal):
-            return f"1 to {len(things)}: " if proposal is None else f"1 to {len(things)} [{proposal + 1}]: "
-        case EnterAddress():
-            return "> "
+        case Confirm(proposal=agrees):
+            words = {"": agrees, "y": True, "yes": True, "n": False, "no": False}
+            return "[Y/n] " if agrees else "[y/N] ", words.get, "Type y or n."
+        case PointCorners(proposal=points):
+            shown = "  ".join(f"{column:.1f},{row:.1f}" for column, row in points or ())
+            allowed = (
+                "Type eight numbers, column and row of the top left, top right, bottom right and bottom left corner in "
+                "pixels of the picture, like 120,80 1400,95 1420,1010 100,1000"
+            )
+            if points is None:
+                return "Four corners: ", parse_corners, f"{allowed}."
+            take = "; or only Enter to take those in brackets."
+            return f"Four corners [{shown}]: ", lambda line: parse_corners(line) if line else points, allowed + take
+        case Jog(height=height, lowest=lowest, highest=highest):
+            allowed = (
+                "Type u or d for 1 mm up or down, uu or dd for 5 mm, + or - for 0.2 mm, a number of millimetres, or ok "
+                f"where it is right; the brush moves from {lowest * 1000:.1f} to {highest * 1000:.1f} mm."
+            )
+            return f"{height * 1000:.1f} mm> ", lambda line: _move(question, line), allowed
+        case Measure(lowest=lowest, highest=highest, proposal=known):
 
+            def measure(line: str) -> float | None:
+                length = _length(line) if line else known
+                return length if length is not None and lowest <= length <= highest else None
 
-def _parse_line(question: SetupQuestion, line: str) -> Answer | None:
-    """Returns the answer that a line means; None if it is not valid."""
-    match question:
-        case Confirm(proposal=proposal):
-            return proposal if not line else {"y": True, "yes": True, "n": False, "no": False}.get(line)
-        case PointCorners(proposal=proposal):
-            return parse_corners(line) if line else proposal
-        case Jog():
-            return _move(question, line)
-        case Measure(lowest=lowest, highest=highest, proposal=proposal):
-            length = _length(line) if line else proposal
-            return length if length is not None and lowest <= length <= highest else None
-        case Guide(proposal=proposal):
-            return _guide_by_words(line) if line else proposal
-        case Choose(things=things, proposal=proposal):
-            chosen = int(line) - 1 if line.isdecimal() and len(line) < 4 else proposal if not line else None
-            return chosen if chosen is not None and 0 <= chosen < len(things) else None
+            prompt = "mm: " if known is None else f"mm [{known * 1000:g}]: "
+            return prompt, measure, f"Type millimetres, from {lowest * 1000:g} to {highest * 1000:g}."
+        case Guide(position=position, proposal=move):
+            allowed = (
+                f"Type a move in mm, like x+5 or y-2.5 z+1, at most {_FARTHEST_JOG * 1000:g} mm; or ok if it is there."
+            )
+            return f"{_millimetres(position)} mm> ", lambda line: _guide_by_words(line) if line else move, allowed
+        case Choose(things=things, proposal=usual):
+            count = len(things)
+
+            def choose(line: str) -> int | None:
+                chosen = int(line) - 1 if line.isdecimal() and len(line) < 4 else None if line else usual
+                return chosen if chosen is not None and 0 <= chosen < count else None
+
+            prompt = f"1 to {count}: " if usual is None else f"1 to {count} [{usual + 1}]: "
+            return prompt, choose, f"Type a number from 1 to {count}."
         case EnterAddress():
-            return line if question.allows(line) else None
+            return "> ", lambda line: line if question.allows(line) else None, f"Type it like {question.example}."
 
 
 def parse_corners(line: str) -> Corners | None:
@@ -401,30 +372,3 @@ def _length(line: str) -> float | None:
         return None
     metres = float(match[1]) * {"mm": 0.001, "cm": 0.01, "m": 1.0}[match[2] or "mm"]
     return metres if math.isfinite(metres) else None
-
-
-def _list_allowed(question: SetupQuestion) -> str:
-    match question:
-        case Confirm():
-            return "Type y or n."
-        case PointCorners():
-            return (
-                "Type eight numbers, column and row of the top left, top right, bottom right and bottom left corner in "
-                "pixels of the picture, like 120,80 1400,95 1420,1010 100,1000"
-                + ("; or only Enter to take those in brackets." if question.proposal else ".")
-            )
-        case Jog(lowest=lowest, highest=highest):
-            return (
-                "Type u or d for 1 mm up or down, uu or dd for 5 mm, + or - for 0.2 mm, a number of millimetres, or ok "
-                f"where it is right; the brush moves from {lowest * 1000:.1f} to {highest * 1000:.1f} mm."
-            )
-        case Measure(lowest=lowest, highest=highest):
-            return f"Type millimetres, from {lowest * 1000:g} to {highest * 1000:g}."
-        case Guide():
-            return (
-                f"Type a move in mm, like x+5 or y-2.5 z+1, at most {_FARTHEST_JOG * 1000:g} mm; or ok if it is there."
-            )
-        case Choose(things=things):
-            return f"Type a number from 1 to {len(things)}."
-        case EnterAddress():
-            return f"Type it like {question.example}."

@@ -249,17 +249,16 @@ def show_progress() -> "Iterator[Notify]":
     from rich.console import Console
 
     from frida_painter.session.time_left import remaining_seconds
-    from frida_painter_cli.terminal import Line, progress_bar
+    from frida_painter_cli.terminal import Line
 
-    bar = progress_bar(Console(stderr=True, highlight=False))
-    task, started, done_before = bar.add_task("getting ready", total=1.0, left=math.inf), time.monotonic(), math.inf
+    bar, started, done_before = Line(Console(stderr=True, highlight=False)), time.monotonic(), math.inf
 
     def hear(progress: "Progress") -> None:
         nonlocal done_before
         done_before = min(done_before, progress.share)
         share = (progress.share - done_before) / max(1 - done_before, 1e-9)
         left = remaining_seconds(time.monotonic() - started, share)
-        bar.update(task, description=progress.doing, completed=progress.share, left=left)
+        bar.update(bar.task, description=progress.doing, completed=progress.share, left=left)
 
-    with Line(bar):
+    with bar:
         yield hear

@@ -219,8 +219,8 @@ def test_the_line_stays_away_while_a_person_is_asked() -> None:
     with PaintingLine(Console(file=io.StringIO(), force_terminal=True), PaintingState) as bar:
         with bar.aside():
             bar.hear(StrokePainted(3, STROKES, (0.0, 0.0, 0.0)))
-            assert not bar._bar.live.is_started
-        assert bar._bar.live.is_started
+            assert not bar.live.is_started
+        assert bar.live.is_started
 
 
 def test_the_time_left_falls_as_the_paint_dries() -> None:

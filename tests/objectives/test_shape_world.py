@@ -13,7 +13,7 @@ import torch
 
 from frida_painter.objectives.encoders.clip import Clip
 from frida_painter.runs.goals import open_goal
-from frida_painter.runs.settle import open_planner, settle_ground
+from frida_painter.runs.settle import fit_canvas, settle
 from frida_painter.runs.spec import RunSpec
 from shape_world import judge, world
 
@@ -59,7 +59,6 @@ def test_words_become_the_painting_that_they_say(number: int) -> None:
         goal=[{"text": ASKED[number].say()}], clip=str(FOLDER / "eye"), strokes=80, canvas="30x30cm", colors=6,
         render_height=96, effort=0.2, beginning="colors",
     )  # fmt: skip
-    planner = open_planner(spec, open_goal(spec))
-    planner, *_ = settle_ground(spec, planner)
+    _, planner, _ = settle(fit_canvas(spec, open_goal(spec)))
     painted, reader = planner.expected(planner.plan()), judge.load(FOLDER / "judge.safetensors")
     assert reader.approves(painted, ASKED[number]), reader.tell(painted)

@@ -8,11 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.report.page import curve_svg
-from frida_painter.report.story import Phase
 
 
-def falling(name: str, count: int = 100, start: int = 0) -> Phase:
-    return Phase(name, tuple((start + i, 0.2 * math.exp(-i / 20) + 0.01) for i in range(count)))
+def falling(name: str, count: int = 100, start: int = 0) -> tuple[str, list[tuple[int, float]]]:
+    return name, [(start + i, 0.2 * math.exp(-i / 20) + 0.01) for i in range(count)]
 
 
 def lines(svg: str) -> list[list[tuple[float, float]]]:
@@ -39,7 +38,7 @@ def test_it_is_described_and_its_names_are_text() -> None:
 
 @pytest.mark.parametrize("loss", [(), ((0, 1.0),), ((0, math.nan), (1, math.inf), (2, 0.0), (3, -1.0), (4, 0.5))])
 def test_nothing_to_draw_draws_nothing(loss: tuple[tuple[int, float], ...]) -> None:
-    assert curve_svg([Phase("empty", loss)]) == "" == curve_svg([])
+    assert curve_svg([("empty", loss)]) == "" == curve_svg([])
 
 
 def test_thousands_of_points_stay_small_and_keep_their_end() -> None:
@@ -50,7 +49,7 @@ def test_thousands_of_points_stay_small_and_keep_their_end() -> None:
 
 @given(st.lists(st.lists(st.floats(), max_size=30), max_size=12))
 def test_any_losses_give_a_picture_within_its_frame(losses: list[list[float]]) -> None:
-    svg = curve_svg([Phase(f"phase {i}", tuple(enumerate(values))) for i, values in enumerate(losses)])
+    svg = curve_svg([(f"phase {i}", list(enumerate(values))) for i, values in enumerate(losses)])
     if svg:
         ElementTree.fromstring(svg)
         assert all(0 <= x <= 960 and 0 <= y <= 360 for points in lines(svg) for x, y in points)

@@ -14,7 +14,8 @@ def test_paints_are_counted_and_measured() -> None:
     assert [paint.number for paint in found] == [1, 2, 3, 4, 5]
     assert [paint.strokes for paint in found] == [2, 0, 3, 0, 1]
     assert [paint.hex for paint in found] == [to_hex(color) for color in plan.palette.color]
-    assert found[2].length == pytest.approx(float(plan.strokes.length[2:5].sum()))
+    length = plan.strokes.length
+    assert found[2].share == pytest.approx(float(length[2:5].sum() / length.sum()))
     assert sum(paint.share for paint in found) == pytest.approx(1)
     assert found[0].srgb == tuple(round(255 * part) for part in plan.palette.color[0].tolist())
 

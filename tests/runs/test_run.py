@@ -19,7 +19,7 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import Began, Event, PaintsWanted, Planned, Stopped, StrokePainted
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
+from frida_painter.session.progress import Painting, PaintingProgress
 from frida_painter.strokes.palette import from_hex
 from frida_painter.system import images
 from killing import began, kill_when
@@ -149,9 +149,9 @@ def test_only_a_look_tells_how_much_of_a_stroke_that_was_given_up_is_on_the_canv
     until = time.monotonic() + 60
     while list(killed.rglob(".*-reserve")) and time.monotonic() < until:  # the easel's process ends after the painter's
         time.sleep(0.05)
-    states: list[ResumeState] = []
+    states: list[PaintingProgress] = []
 
-    def keep(session: PaintingSession, where: ResumeState) -> Painting:
+    def keep(session: PaintingSession, where: PaintingProgress) -> Painting:
         states.append(where)
         raise Interrupted("Enough.")
 
@@ -161,11 +161,8 @@ def test_only_a_look_tells_how_much_of_a_stroke_that_was_given_up_is_on_the_canv
             run.controls = Controls(repaint=lambda number, picture, repaint=repaint: repaint)  # type: ignore[misc]
             run.resume()
     again, given_up = states
-    assert (again.painted, given_up.painted, given_up.left_out) == (1, 2, frozenset({1}))
-    assert again.before is not None and given_up.before is None
-    memory = PaintingProgress()
-    memory.go_on_from(given_up)
-    assert torch.equal(memory.canvas.last_seen, given_up.now) and not len(memory.canvas.batch(given_up.plan, 2))
+    assert (again.painted, given_up.painted, given_up.canvas.left_out) == (1, 2, {1})
+    assert (again.canvas.strokes, given_up.canvas.strokes) == (0, 2) and not len(given_up.batch)
 
 
 def test_a_finished_painting_teaches_its_calibration_record(photo: Path, tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ from frida_painter.session.events import (
 )
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import Timelapse
-from frida_painter.session.progress import ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.strokes.palette import Palette
 from frida_painter.system.event_log import EventLog
@@ -91,7 +91,7 @@ def test_a_frame_waits_until_the_hand_leaves_for_paint() -> None:
 def test_a_resumed_painting_gets_the_frames_of_what_it_still_paints() -> None:
     setup = SessionSetup(12, replans=0, timelapse_frames=6)
     plan, bare = setup.planner.plan(torch.ones(3, 8, 8), 12, 2, lambda step: None), torch.ones(3, 48, 64)
-    setup.resume(ResumeState(plan, 6, 6, bare, bare))
+    setup.resume(PaintingProgress.resume(plan, 6, 6, bare, bare))
     frames = [event.done for event in setup.heard if isinstance(event, TimelapseFrame)]
     assert len(frames) == 3 and frames[-1] == 12 and min(frames) >= 8
 
@@ -376,7 +376,7 @@ def test_resumed_inside_a_layer_its_brush_is_asked_for_because_nobody_knows_whic
     setup = of_brushes("small", "large")
     plan = setup.planner.plan(torch.ones(3, 8, 8), 4, 2, lambda step: None)
     bare = torch.ones(3, 48, 64)
-    setup.resume(ResumeState(plan, 3, 2, bare, bare))
+    setup.resume(PaintingProgress.resume(plan, 3, 2, bare, bare))
     assert setup.easel.operator.brushes == ["large"] and setup.painted() == [4]
     assert setup.easel.operator.dried == []
 
@@ -385,7 +385,7 @@ def test_resumed_after_brush_and_paints_were_there_nothing_is_dried_or_planned_a
     setup = of_brushes("small", "large")
     plan = setup.planner.plan(torch.ones(3, 8, 8), 4, 2, lambda step: None)
     bare = torch.ones(3, 48, 64)
-    setup.resume(ResumeState(plan, 2, 2, bare, bare, wet=0.0))
+    setup.resume(PaintingProgress.resume(plan, 2, 2, bare, bare, wet=0.0))
     assert setup.easel.operator.dried == [] and setup.planner.fresh == []
     assert setup.easel.operator.brushes == ["large"] and setup.painted() == [3, 4]
 
@@ -403,7 +403,7 @@ def test_resumed_where_a_layer_begins_it_dries_first_and_looks() -> None:
     setup = layered(replans=1, layers=(6, 2))
     plan = setup.planner.plan(torch.ones(3, 8, 8), 8, 2, lambda step: None)
     bare = torch.ones(3, 48, 64)
-    setup.resume(ResumeState(plan, 6, 4, bare, bare))
+    setup.resume(PaintingProgress.resume(plan, 6, 4, bare, bare))
     assert setup.kinds(PlanningStep, BrushInHand, Dipped, Scheduled, Drying)[:4] == [
         "Looked", "Planned", "PaintsWanted", "LayerBegun"
     ]  # fmt: skip
@@ -418,7 +418,7 @@ def test_resumed_in_drying_it_waits_for_the_rest_only_and_looks_where_nobody_has
     setup = layered(replans=1, layers=(6, 2))
     plan = setup.planner.plan(torch.ones(3, 8, 8), 8, 2, lambda step: None)
     bare = torch.ones(3, 48, 64)
-    setup.resume(ResumeState(plan, 6, planned_at, bare, bare, wet))
+    setup.resume(PaintingProgress.resume(plan, 6, planned_at, bare, bare, wet))
     assert sum(setup.easel.operator.dried) == pytest.approx(wet)
     assert [event.left for event in setup.heard if isinstance(event, Drying)] == ([61.5, 1.5, 0] if wet else [])
     assert setup.painted() == [7, 8] and setup.kinds().count("Looked") == looks

@@ -17,7 +17,7 @@ from frida_painter.session.choreography import BrushLoad, Choreography, reckon
 from frida_painter.session.events import BrushInHand, LayerBegun, Stopped
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
-from frida_painter.session.progress import ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.rehearsal import rehearse
 from frida_painter.system.event_log import EventLog
 from support.easel import CALIBRATION, WORKSPACE
@@ -165,7 +165,7 @@ def test_resumed_it_goes_on_with_the_brush_in_the_hand(held: str, done: list[str
     resumed = setup("small", "large")
     plan = resumed.planner.plan(torch.ones(3, 8, 8), 4, 2, lambda step: None)
     resumed.hand.held = held
-    resumed.resume(ResumeState(plan, 2, 2, None, torch.ones(3, 48, 64), 0.0))
+    resumed.resume(PaintingProgress.resume(plan, 2, 2, None, torch.ones(3, 48, 64), 0.0))
     assert changes(resumed) == done and resumed.painted() == [3, 4]
     assert (resumed.robot.labels()[0] == "rinse") == bool(held), "an empty hand has nothing to clean"
 

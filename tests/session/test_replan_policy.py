@@ -16,14 +16,13 @@ from frida_painter.errors import ConfigError
 from frida_painter.registry import REPLAN_POLICIES
 from frida_painter.session.events import Looked, Planned, StrokePainted
 from frida_painter.session.journal import Journal, placement_of
-from frida_painter.session.progress import ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.replan_policy import (
     CanvasSeen,
     EvenlySpaced,
     EveryNth,
     ReplanPolicy,
     WhenItPays,
-    WhenOffBy,
     looks_on_the_way,
     parse_replan_policy,
 )
@@ -37,7 +36,7 @@ from support.session import NotingPlanner, SessionSetup
     ("text", "policy"),
     [
         ("4", EvenlySpaced(4)), ("times:4", EvenlySpaced(4)), ("every:75", EveryNth(75)), (" every:1 ", EveryNth(1)),
-        ("when-off-by:0.02", WhenOffBy(0.02)), ("when-off-by:0.02,25", WhenOffBy(0.02, 25)),
+        ("when-off-by:0.02", EveryNth(10, 0.02)), ("when-off-by:0.02,25", EveryNth(25, 0.02)),
         ("when-it-pays", WhenItPays(0.05)), ("when-it-pays:0.2", WhenItPays(0.2)),
     ],
 )  # fmt: skip
@@ -68,7 +67,7 @@ def test_a_plugin_is_found_and_does_not_take_the_place_of_ours(monkeypatch: pyte
 policies = st.one_of(
     st.integers(0, 60).map(EvenlySpaced),
     st.integers(1, 60).map(EveryNth),
-    st.integers(1, 60).map(lambda strokes: WhenOffBy(0.1, strokes)),
+    st.integers(1, 60).map(lambda strokes: EveryNth(strokes, 0.1)),
     st.tuples(st.integers(1, 90), st.integers(0, 60)).map(lambda two: WhenItPays(0.1, two[0], two[1] - two[0])),
 )
 
@@ -89,7 +88,7 @@ def test_evenly_spaced_looks_are_at_the_ends_of_batches(replans: int, strokes: i
 
 
 def test_only_what_is_off_is_planned_again() -> None:
-    policy = WhenOffBy(0.02)
+    policy = EveryNth(10, 0.02)
     assert not policy.wants_replan(CanvasSeen(10, 20, 0.02)) and policy.wants_replan(CanvasSeen(10, 20, 0.021))
     assert policy.wants_replan(CanvasSeen(10, 20, float("nan"))), "what cannot be told is looked into"
     assert EveryNth(5).wants_replan(CanvasSeen(10, 20, 0.0))
@@ -135,7 +134,7 @@ class OftenWrong(NotingPlanner):
 
 def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -> None:
     setup = SessionSetup(
-        8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=WhenOffBy(0.05, strokes=2)
+        8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=EveryNth(2, 0.05)
     )
     assert setup.run().painted == 8 and setup.painted() == list(range(1, 9))
     assert [event.done for event in setup.heard if isinstance(event, Looked)] == [2, 4, 6, 8]
@@ -143,7 +142,7 @@ def test_a_painting_looks_often_and_plans_again_only_where_the_canvas_is_off() -
 
 
 def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_path: Path) -> None:
-    policy = WhenOffBy(0.05, strokes=2)
+    policy = EveryNth(2, 0.05)
     journal = Journal.begin(tmp_path, {}, {})
     first = SessionSetup(
         8,
@@ -169,7 +168,7 @@ def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_pat
         8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=policy, journal=again
     )
     white = torch.ones(3, 48, 64)
-    painting = second.resume(ResumeState(kept.plan, history.painted, kept.planning.done, white, white))
+    painting = second.resume(PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, white, white))
     again.close()
     assert painting.painted == 8 and second.painted() == [4, 5, 6, 7, 8]
     assert second.planner.located == [2, 2, 2], "strokes of which the first sitting had learned are not learned again"

@@ -18,7 +18,7 @@ from frida_painter.session.events import Dipped, Event, PlanAdopted, StrokeLeftO
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.open_loop import bare_paper, paint_on_paper
-from frida_painter.session.progress import PaintingProgress, ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.strokes.plan import Plan
 from frida_painter.system.event_log import EventLog
 from killing import began, ended, kill_when
@@ -101,9 +101,7 @@ def test_strokes_that_were_given_up_are_not_on_the_expected_canvas(tmp_path: Pat
     bare = bare_paper(plan.canvas, plan.ground)
     assert torch.equal(before, paint_on_paper(plan.part([0, 2]), models, bare))
     assert torch.equal(now, paint_on_paper(plan.part([3, 5]), models, before))
-    memory = PaintingProgress()
-    memory.go_on_from(ResumeState(plan, 6, 3, before, now, None, history.left_out))
-    assert len(memory.canvas.batch(plan, 6)) == 2
+    assert len(PaintingProgress.resume(plan, 6, 3, before, now, None, history.left_out).batch) == 2
 
 
 def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(

@@ -17,7 +17,7 @@ from frida_painter.session.events import Event, Planned, Scheduled
 from frida_painter.session.hand import Hand
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
-from frida_painter.session.progress import ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.system import images
 from frida_painter.virtual.studio import open_studio
@@ -100,6 +100,6 @@ def test_each_forecast_is_given_the_times_of_the_strokes_that_are_left() -> None
 def test_paint_of_an_earlier_session_is_dry() -> None:
     setup, canvas = setup_with(WetPaint(10.0, 0.1, 300.0)), torch.ones(3, 48, 64)
     plan = setup.planner.plan(canvas, 6, 1, lambda step: None)
-    setup.resume(ResumeState(plan, 2, 2, None, canvas))
+    setup.resume(PaintingProgress.resume(plan, 2, 2, None, canvas))
     (known,) = setup.planner.replanned
     assert known is not None and known.below is not None and len(known.below) == len(known.below_at) == 1

@@ -24,7 +24,7 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import Extent, PaintingSession
 from frida_painter.session.observer import CanvasObserver
-from frida_painter.session.progress import Painting, ResumeState
+from frida_painter.session.progress import Painting, PaintingProgress
 from frida_painter.session.replan_policy import EvenlySpaced, ReplanPolicy
 from frida_painter.strokes.palette import Palette
 from frida_painter.strokes.plan import Plan
@@ -196,7 +196,7 @@ class SessionSetup:
         with unmoved_canvas():
             return self.session.run(self.strokes, self.colors)
 
-    def resume(self, where: ResumeState) -> Painting:
+    def resume(self, where: PaintingProgress) -> Painting:
         with unmoved_canvas():
             return self.session.resume(where)
 

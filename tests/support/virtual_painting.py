@@ -23,7 +23,7 @@ from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import CanvasObserver
-from frida_painter.session.progress import Painting, ResumeState
+from frida_painter.session.progress import Painting, PaintingProgress
 from frida_painter.session.replan_policy import EvenlySpaced
 from frida_painter.strokes.plan import Plan
 from frida_painter.virtual.camera import CameraSpec
@@ -131,7 +131,9 @@ class VirtualPainting:
             painting = session.run(STROKES, 3)
         else:
             before = resuming.load_seen_canvas(folder, kept, session.observer)
-            painting = session.resume(ResumeState(kept.plan, history.painted, kept.planning.done, before, now))
+            painting = session.resume(
+                PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, before, now)
+            )
         journal.close()
         studio.close()
         return painting, studio, history

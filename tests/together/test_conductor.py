@@ -23,7 +23,7 @@ from frida_painter.session import events, resuming
 from frida_painter.session.controls import Controls
 from frida_painter.session.events import Durable, Event, PauseCause, kind_of
 from frida_painter.session.journal import Journal
-from frida_painter.session.progress import ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
 from frida_painter_studio.picture_choosing import AllowedMakers
@@ -343,7 +343,7 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
     table.controller.owe(history.request, history.proposed)
     table.says = 6 * [GO_ON]
     now = table.setup.session.look()
-    table.setup.session.resume(ResumeState(kept.plan, 2, kept.planning.done, None, now))
+    table.setup.session.resume(PaintingProgress.resume(kept.plan, 2, kept.planning.done, None, now))
     journal.close()
     done, table.controller.opened = is_done(table, seen), lambda: None  # its thread stays, and would keep the session
     assert done

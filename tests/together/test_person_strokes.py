@@ -21,7 +21,7 @@ from frida_painter.session.events import Event, PauseCause, Paused, Planned, Str
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.progress import ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.strokes.plan import Plan
 from frida_painter.system.event_log import EventLog
 from frida_painter_together.policies import TurnTaken, find_turn_policy
@@ -167,7 +167,7 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     kept = resuming.load_kept_plan(tmp_path / "killed", history)
     assert kept is not None
     now = session.look()
-    where = ResumeState(
+    where = PaintingProgress.resume(
         kept.plan, history.painted, kept.planning.done, None, now, None, frozenset(), len(history.person), True
     )
     assert session.resume(where).painted == STROKES

@@ -12,7 +12,7 @@ from frida_painter.planning.planner import Planner
 from frida_painter.session import events
 from frida_painter.session.events import Event
 from frida_painter.session.journal import Journal
-from frida_painter.session.progress import ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.resuming import load_kept_plan
 from frida_painter_studio.painting_state import PaintingPage, Truth
 from frida_painter_studio.studio_folder import FeedReader
@@ -98,7 +98,7 @@ def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path:
     second = Sitting(STROKES, replans=1, journal=journal, camera=PatientCamera(noisy=True), simulated=True)
     second.lead(tmp_path, planner, viewer)
     now = second.session.look()
-    where = ResumeState(kept.plan, state.painted, kept.planning.done, None, now)
+    where = PaintingProgress.resume(kept.plan, state.painted, kept.planning.done, None, now)
     assert second.session.resume(where).painted == STROKES
     for event in (events.Began("results"), events.ResultFound("results", detail={"film": False})):
         second._hear(event)

@@ -17,7 +17,7 @@ from frida_painter.objectives.style import StyleTerm
 from frida_painter.objectives.text_loss import Text, draw_pyramid, wish
 from frida_painter.objectives.word_settings import Beginning, ClipWork, WordSettings
 from frida_painter.runs.goals import open_goal
-from frida_painter.runs.settle import open_planner
+from frida_painter.runs.settle import open_networks, open_planner
 from frida_painter.runs.spec import RunSpec
 from frida_painter_words.text import TextTerm, initial_composition
 from support.networks import NoEncoderRegistry, QuickEncoders, index_of
@@ -134,7 +134,7 @@ def test_a_planner_tells_it_and_a_stop_ends_it(folder: Path) -> None:
             raise Interrupted("You stopped.")
 
     with pytest.raises(Interrupted):
-        open_planner(spec, open_goal(spec), tell=told.append, heed=heed)
+        open_planner(spec, open_goal(spec), open_networks(spec, told.append, heed))
     assert len(told) == 1 and "first picture is coloured" in told[0]
 
 

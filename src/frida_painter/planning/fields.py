@@ -7,16 +7,13 @@ import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, PlainSerializer
 from pydantic.fields import FieldInfo
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
-
-_T = TypeVar("_T")
-_R = TypeVar("_R")
 
 
 def limits_of(field: FieldInfo) -> dict[str, float]:
@@ -111,16 +108,12 @@ OF_SCENE = "scene"
 _LIGHTEST_DARK = 0.4  # largest channel of the darkest paint in sRGB
 
 
-def parse_field(parse: Callable[[_T], _R], value: _T) -> _R:
+def parse_field(parse: Callable[[Any], Any], value: Any) -> Any:
     """Returns the result of a parser. Raises ValueError for its ConfigError, as pydantic expects."""
     try:
         return parse(value)
     except ConfigError as error:
         raise ValueError(str(error)) from error
-
-
-def _whole_path(text: str) -> str:
-    return text if text in NAMED_PAINTS else str(Path(text).resolve())
 
 
 def rgb(color: str) -> tuple[float, float, float]:
@@ -175,7 +168,7 @@ DarkestPaint = Annotated[str | None, BeforeValidator(_hex, json_schema_input_typ
 PaintsInUse = Annotated[
     str,
     BeforeValidator(lambda value: str(value) if isinstance(value, Path) else value, json_schema_input_type=str | Path),
-    PlainSerializer(_whole_path, when_used="json"),
+    PlainSerializer(lambda text: text if text in NAMED_PAINTS else str(Path(text).resolve()), when_used="json"),
 ]
 Canvas = Annotated[
     CanvasSize,

@@ -26,7 +26,7 @@ _OTHER = 25.0  # CIELAB distance above which two colours count as equally differ
 
 
 def proposed_ground(
-    planner: Planner, strokes: int, colors: int, notify: Callable[[Step], None] | None = None
+    planner: Planner, strokes: int, colors: int, notify: Callable[[Step], None] = lambda step: None
 ) -> tuple[float, float, float]:
     """Returns the best ground for a plan with these numbers of strokes and paints, in sRGB.
 

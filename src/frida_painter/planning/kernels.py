@@ -51,22 +51,6 @@ def pull_to_shape(shape, unit, order, position, angle, length, bend, thickness, 
 
 
 @njit(cache=True)
-def to_colors(color, number, found, unit):  # type: ignore[no-untyped-def]
-    """Writes colours by number into found [n, 3]: color[number[i]] times the unit, with color [k, 3] and number [n]."""
-    for i in range(len(number)):
-        for band in range(3):
-            found[i, band] = color[number[i], band] * unit
-
-
-@njit(cache=True)
-def pull_to_colors(upstream, number, to_color, unit):  # type: ignore[no-untyped-def]
-    """Adds gradients with respect to found [n, 3] to those with respect to the colours [k, 3], which start at zero."""
-    for i in range(len(number)):
-        for band in range(3):
-            to_color[number[i], band] += upstream[i, band] * unit
-
-
-@njit(cache=True)
 def bring_inside(shape, unit, length, bend, width, height):  # type: ignore[no-untyped-def]
     """Projects shape [n, 6] in place like `Strokes.project`.
 

@@ -152,7 +152,7 @@ class Planner:
         canvas: AnyPicture | None = None,
         strokes: int | None = None,
         colors: int | None = None,
-        notify: Callable[[Step], None] | None = None,
+        notify: Callable[[Step], None] = lambda step: None,
     ) -> Plan:
         """Plans strokes for a canvas, by the planner of the settings.
 
@@ -173,7 +173,7 @@ class Planner:
         canvas = self.bare if canvas is None else as_picture(canvas)
         if is_bare(images.fit(canvas, self.coarse.rows, self.coarse.columns), self.ground):
             canvas = self.bare
-        made = find_planner(self.settings.planner).make(PlanningTask(self, canvas, strokes, colors, _heard(notify)))
+        made = find_planner(self.settings.planner).make(PlanningTask(self, canvas, strokes, colors, notify))
         # A plan only names its brushes, so their weights are told.
         facts = [("made with", identify(describe_here(self.device.type)))]
         for kind in self.models:
@@ -196,7 +196,8 @@ class Planner:
         effort = self.effort.growing_of(len(sizes))
         layers: list[LayerAtWork] = []
         below = canvas
-        for count, brush in zip(sizes, self.layer_kinds(strokes), strict=True):
+        kinds = self.kinds[: len(sizes)] if len(self.kinds) > 1 else self.kinds * len(sizes)
+        for count, brush in zip(sizes, kinds, strict=True):
             wells = layers[0].paints if layers and not self.settings.mixes_anew else min(colors, count)
             if layers:
                 with torch.no_grad():
@@ -276,7 +277,7 @@ class Planner:
     ) -> LayerAtWork:
         """Returns a layer of `count` strokes, grown as if it were the last one, in `wells` or so many new paints."""
         begin = partial(steps.begin, below=[(layer.kind, layer.strokes) for layer in below])
-        problem = self.problems.initial(canvas, self.coarse, brush)
+        problem = self.problems.of(canvas, self.coarse, brush, self.problems.initial_objective)
         guide, told = self.problems.guide(problem), begin(min(effort.growing, count) * effort.growing_together)
         target = optimize_target(problem) if guide is None else guide
         found = progressive(count, problem, target, effort, generator, told)
@@ -345,7 +346,7 @@ class Planner:
         return plan.part(kept.sort().values.tolist())
 
     def bind_to_palette(
-        self, plan: Plan, canvas: AnyPicture, palette: Palette, notify: Callable[[Step], None] | None = None
+        self, plan: Plan, canvas: AnyPicture, palette: Palette, notify: Callable[[Step], None] = lambda step: None
     ) -> Plan:
         """Returns the plan in the really mixed paints.
 
@@ -357,7 +358,7 @@ class Planner:
         parts = plan.filled_layers()
         if not parts:
             return plan
-        steps = StepCount(_heard(notify), self.effort.polishing * len(parts))
+        steps = StepCount(notify, self.effort.polishing * len(parts))
         wells = parts[0].palette
         done: list[Plan] = []
         below = as_picture(canvas)
@@ -375,7 +376,7 @@ class Planner:
         self,
         rest: Plan,
         canvas: AnyPicture,
-        notify: Callable[[Step], None] | None = None,
+        notify: Callable[[Step], None] = lambda step: None,
         rounds: int = 1,
         *,
         fresh: bool = False,
@@ -397,7 +398,7 @@ class Planner:
         if len(rest) == 0:
             return rest
         wetness = None if self.region is not None else wetness
-        task = PlanningTask(self, canvas, len(rest), self.settings.colors, _heard(notify), rounds, fresh, wetness)
+        task = PlanningTask(self, canvas, len(rest), self.settings.colors, notify, rounds, fresh, wetness)
         return self._clear(find_planner(self.settings.planner).make_rest(task, rest))
 
     def _replan_in_layers(self, task: "PlanningTask", rest: Plan) -> Plan:
@@ -452,7 +453,7 @@ class Planner:
         rest: Plan,
         canvas: AnyPicture,
         wetness: Wetness,
-        notify: Callable[[Step], None] | None = None,
+        notify: Callable[[Step], None] = lambda step: None,
         *,
         mixed: bool = True,
     ) -> Plan:
@@ -464,7 +465,7 @@ class Planner:
         ours = all(term.is_pixelwise for term in self.goal.terms) and self.settings.planner == LAYERS_KIND.name
         if len(rest) == 0 or not ours:
             return rest
-        canvas, hear, count = as_picture(canvas), at_the_end(_heard(notify)), self.effort.replanning
+        canvas, hear, count = as_picture(canvas), at_the_end(notify), self.effort.replanning
         layers, begin = self._at_work(rest, fresh=not mixed), StepCount(hear, count).begin
         if not mixed and int(rest.layer[0]) == 0:
             layers[0] = replace(layers[0], mixes=self.settings.mixes_anew or len(layers) == 1)
@@ -582,11 +583,6 @@ class Planner:
             layers = usual_layers(strokes, len(self.kinds)) if pictures else 1
         return layer_sizes(strokes, shares if shares is not None and len(shares) == layers else usual_shares(layers))
 
-    def layer_kinds(self, strokes: int) -> tuple[str, ...]:
-        """Returns the kind of strokes of each layer of a plan with this many strokes."""
-        layers = len(self.layer_sizes(strokes))
-        return self.kinds[:layers] if len(self.kinds) > 1 else self.kinds * layers
-
     @property
     def brushes(self) -> tuple[str, ...]:
         """Brushes of the layers, each once, in the order of use."""
@@ -595,10 +591,6 @@ class Planner:
     def iterations(self, strokes: int) -> int:
         """Number of iterations of a plan with this many strokes."""
         return self.effort.planning(self.layer_sizes(strokes), new_paints=self.settings.mixes_anew)
-
-
-def _heard(notify: Callable[[Step], None] | None) -> Callable[[Step], None]:
-    return notify or (lambda step: None)
 
 
 @dataclass(frozen=True)

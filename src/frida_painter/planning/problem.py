@@ -326,10 +326,6 @@ class PlanningProblems:
         )
         return problem if self.region is None else self.region.guard(problem)
 
-    def initial(self, canvas: Tensor, grid: PixelGrid, kind: str) -> PlanningProblem:
-        """Returns the scene in which strokes are grown."""
-        return self.of(canvas, grid, kind, self.initial_objective)
-
     def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[PlanningProblem]]:
         """Returns the strokes of each brush in turn, one for an empty plan, and a scene of the canvas for each."""
         runs = plan.by_kind() or [(plan.layers[0].kind, plan.strokes)]

@@ -155,7 +155,7 @@ class _AsStrokes(torch.autograd.Function):
         colored = order if paint is None else paint[order]
         found = [shape.new_empty(len(shape), *sides) for sides in ((2,), (), (), (), (), (3,))]
         kernels.to_strokes(*map(array, (shape, unit, order, *found[:-1])))
-        kernels.to_colors(array(color), array(colored), array(found[-1]), _number(color)(_COLOR_UNIT))
+        np.multiply(array(color)[array(colored)], _number(color)(_COLOR_UNIT), out=array(found[-1]))
         context.save_for_backward(shape, unit, order, colored)
         context.colors = len(color)
         return tuple(found)
@@ -169,9 +169,8 @@ class _AsStrokes(torch.autograd.Function):
         to_shape, to_color = torch.empty_like(shaped[0]), None
         kernels.pull_to_shape(*map(array, (*shaped, *upstream[:-1], to_shape)))
         if context.needs_input_grad[1]:
-            to_color = upstream[-1].new_zeros(context.colors, 3)
-            unit = _number(to_color)(_COLOR_UNIT)
-            kernels.pull_to_colors(array(upstream[-1]), array(colored), array(to_color), unit)
+            to_color = upstream[-1].new_zeros(context.colors, 3)  # strokes of one paint add up in their order
+            np.add.at(array(to_color), array(colored), array(upstream[-1]) * _number(to_color)(_COLOR_UNIT))
         return to_shape, to_color, None, None, None
 
 

@@ -1,34 +1,36 @@
 """The page of a painting: one HTML file beside its pictures, which works from a folder without a network."""
 
 import math
-from collections.abc import Iterator, Sequence
-from html import escape
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import jinja2
 from markupsafe import Markup
 
+from frida_painter.planning.forecast import SimilarityForecast
+from frida_painter.planning.mixable import mixing_changes
 from frida_painter.report.sheets import sheet_file
-from frida_painter.report.story import Phase, Story
 from frida_painter.system import storage
+from frida_painter.system.storage import count_of
 
 # Loss curve as inline SVG: no script, readable in light and dark mode, described for screen readers.
 
-_WIDTH, _HEIGHT = 960, 360
-_LEFT, _RIGHT, _TOP, _BOTTOM = 72, 16, 40, 48
-_FLOOR = _HEIGHT - _BOTTOM
+_LEFT, _RIGHT, _TOP, _FLOOR = 72, 944, 40, 312  # of the curves, in templates/curve.svg
 _ROOMY = 140.0  # wide enough for "after 1000 strokes"
 _LETTER = 7.0
 _MIN, _MAX = 1e-12, 1e12
+_MAX_POINTS = 400  # about, of a phase
 
 
-def curve_svg(phases: Sequence[Phase]) -> str:
+def curve_svg(phases: Sequence[tuple[str, Sequence[tuple[int, float]]]]) -> str:
     """Returns the losses over iterations as SVG, phase after phase, on a logarithmic scale.
 
+    phases: name of each planning phase, and its (iteration, loss) in order.
     Points that are not finite, not above 0 or beyond all reason are omitted. Returns "" if no phase has two points
     left.
     """
-    usable = [(phase.name, [(i, v) for i, v in phase.loss if _MIN < v < _MAX]) for phase in phases]
+    usable = [(name, [(i, v) for i, v in loss if _MIN < v < _MAX]) for name, loss in phases]
     usable = [(name, points) for name, points in usable if len(points) > 1]
     if not usable:
         return ""
@@ -41,36 +43,21 @@ def curve_svg(phases: Sequence[Phase]) -> str:
     def down(value: float) -> float:
         return _TOP + (most - math.log10(value)) / (most - least) * (_FLOOR - _TOP)
 
-    first, last = usable[0][1][0][1], usable[-1][1][-1][1]
-    parts = [
-        f'<svg class="curve" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" '
-        f'aria-label="Loss over iterations: from {first:.3g} to {last:.3g} in {len(usable)} planning phases">'
-    ]
-    for value in _ticks(least, most):
-        y = down(value)
-        parts.append(f'<line class="rule" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>')
-        parts.append(f'<text class="tick" x="{_LEFT - 10}" y="{y + 4.5:.1f}" text-anchor="end">{value:g}</text>')
-    left = float(_LEFT)
-    for number, ((name, points), width) in enumerate(zip(usable, widths, strict=True), start=1):
-        if number > 1:
-            parts.append(f'<line class="mark" x1="{left:.1f}" x2="{left:.1f}" y1="{_TOP - 26}" y2="{_FLOOR}"/>')
-        # A name appears only if its phase is wide enough; all names are tooltips.
-        roomy = width > _LETTER * len(name) + 12
-        shown, unit = (escape(name), " iterations") if roomy else (str(number), "")
+    drawn, left = [], float(_LEFT)
+    for (name, points), width in zip(usable, widths, strict=True):
         first, last = points[0][0], points[-1][0]
-        parts.append(f'<text class="phase" x="{left + 6:.1f}" y="{_TOP - 14}">{shown}</text>')
-        parts.append(f'<text class="tick" x="{left + 6:.1f}" y="{_HEIGHT - 16}">{last - first + 1}{unit}</text>')
         step = width / max(1, last - first)
-        path = " ".join(f"{left + (i - first) * step:.1f},{down(value):.1f}" for i, value in _thin_out(points))
-        parts.append(f'<polyline class="line" points="{path}"><title>{escape(name)}</title></polyline>')
+        some = [*points[: -1 : max(1, len(points) // _MAX_POINTS)], points[-1]]
+        path = " ".join(f"{left + (i - first) * step:.1f},{down(value):.1f}" for i, value in some)
+        drawn.append((name, width > _LETTER * len(name) + 12, left, last - first + 1, path))
         left += width
-    parts.append("</svg>")
-    return "".join(parts)
+    ticks = [(value, down(value)) for value in _ticks(least, most)]
+    return template("curve.svg").render(phases=drawn, ticks=ticks, first=losses[0], last=losses[-1])
 
 
 def _widths(iterations: Sequence[int]) -> list[float]:
     """Returns the width of each phase, by its iterations, but wide enough for its name if there is room."""
-    room = _WIDTH - _LEFT - _RIGHT
+    room = _RIGHT - _LEFT
     least = min(_ROOMY, room / len(iterations))
     share = (room - least * len(iterations)) / max(1, sum(iterations))
     return [least + share * count for count in iterations]
@@ -91,12 +78,6 @@ def _ticks(least: float, most: float) -> Iterator[float]:
     yield from found[::every]
 
 
-def _thin_out(points: list[tuple[int, float]]) -> list[tuple[int, float]]:
-    """Returns at most about 400 of the points, including the last one."""
-    every = max(1, len(points) // 400)
-    return [*points[:-1][::every], points[-1]]
-
-
 PAGE = "index.html"
 
 
@@ -112,15 +93,22 @@ def template(name: str) -> jinja2.Template:
     return environment.get_template(name)
 
 
-def page(story: Story) -> str:
-    """Returns the story as HTML that needs only the files it names."""
+def page(story: Mapping[str, Any]) -> str:
+    """Returns the page of a painting as HTML that needs only the files it names.
+
+    story: content by name. described: the painting (recorder.py). state, plan, painting, comparisons, paints. looks:
+    the look and the plan of the rest that followed, as events. left_out: number of pictures for which there was no
+    room. has_film, has_recipes: True if there are these files. arm_film: its file; "" if there is none. watched: False
+    if nobody photographed the finished canvas.
+    """
     # The curve is markup of this module, which escapes its texts.
-    curve = Markup(curve_svg(story.phases))
-    html = template("page.html").render(story=story, curve=curve, sheet_file=sheet_file)
+    known: dict[str, Any] = {"curve": Markup(curve_svg(story["state"].phases)), "forecast": SimilarityForecast}
+    known |= {"sheet_file": sheet_file, "count_of": count_of, "mixing_changes": mixing_changes}
+    html = template("page.html").render(story=story, **known)
     return html.encode("utf-8", "replace").decode("utf-8")
 
 
-def write_page(story: Story, folder: Path) -> Path:
+def write_page(story: Mapping[str, Any], folder: Path) -> Path:
     """Writes the page to the painting's folder, atomically; returns its path. Raises StorageError."""
     path = folder / PAGE
     storage.write_text(path, page(story))

@@ -203,7 +203,7 @@ class _Ledger:
 
     def _canvas(self, photograph: str) -> Tensor | None:
         record = self._folder / "calibration.json"
-        canvas = load_canvas(self._folder / photograph, self._state, self._plan.canvas, record)
+        canvas = load_canvas(self._folder, photograph, self._state, self._plan.canvas, record)
         return None if canvas is None else images.fit(canvas, self._grid.rows, self._grid.columns)
 
 

@@ -17,19 +17,16 @@ from frida_painter.brush.kinds import StrokeModel
 from frida_painter.easel.kinds import ARM_FILM
 from frida_painter.errors import ImageError, StorageError
 from frida_painter.mixing.recipe import PaintSet, Recipe
-from frida_painter.planning.forecast import SimilarityForecast
-from frida_painter.planning.mixable import mixing_changes
 from frida_painter.registry import Later
 from frida_painter.report.film import FilmWriter, keep_frame, kept_frames
 from frida_painter.report.sheets import RecipeSheets, difference
-from frida_painter.report.story import Download, Look, Phase, PictureComparison, Story, compare, paints
+from frida_painter.report.story import PictureComparison, compare, paints
 from frida_painter.session import events
 from frida_painter.session.events import Event
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.progress import Painting
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images, storage
-from frida_painter.system.storage import count_of
 
 # Results, which are written at the end.
 _plan_widths = Later("frida_painter.report.vector:plan_widths")
@@ -39,12 +36,6 @@ _write_page = Later("frida_painter.report.page:write_page")
 
 _RESULT = "result.json"
 _FORECAST = ("expected_psnr_db", "least_psnr_db", "most_psnr_db")
-_DOWNLOADS = (
-    Download("plan.json", "the plan, to render or export again (belongs with its .safetensors file)"),
-    Download("strokes.svg", "the strokes in millimetres, one layer per paint"),
-    Download("strokes.csv", "the strokes as a table"),
-    Download(_RESULT, "all figures, for programs"),
-)
 
 
 @dataclass(frozen=True)
@@ -141,7 +132,21 @@ class Recorder:
         storage.write_text(self.folder / "strokes.csv", _write_table(painted))
         images.save(painting.photograph, self.folder / "painting.png")
         comparisons = self._compare(painting.photograph, self._first_expected)
-        page = _write_page(self._story(self._plan, painting, comparisons), self.folder)
+        story = {
+            "described": self.described,
+            "state": self.state,
+            "plan": self._plan,
+            "painting": painting,
+            "paints": paints(self._plan, self._recipes),
+            "looks": self._looks(),
+            "comparisons": comparisons,
+            "watched": self._watched,
+            "left_out": self._left_out,
+            "has_film": (self.folder / "film.mp4").exists(),
+            "has_recipes": bool(self._recipes),
+            "arm_film": ARM_FILM if (self.folder / ARM_FILM).exists() else "",
+        }
+        page = _write_page(story, self.folder)
         self._write_result(self._plan, painting, comparisons)
         return page
 
@@ -206,25 +211,9 @@ class Recorder:
                 self._filming = False
                 raise
 
-    def _looks(self) -> tuple[Look, ...]:
-        """Returns the looks after which the rest was planned again, with their pictures."""
-        found = []
-        for look in self.state.looks:
-            planned, done = look.planned, look.told.done
-            if planned is None or not planned.look:
-                continue
-            text = (
-                f"After {count_of(done, 'stroke')} the painter looked, and planned the {planned.strokes} that were "
-                f"left again: the finished painting should come {100 * planned.gain:.0f} % nearer to the goal than if "
-                "it had gone on blindly."
-            )
-            if planned.similarity is not None:
-                forecast = SimilarityForecast(*planned.similarity)
-                text += f" Its similarity to the photograph (PSNR): {forecast}."
-            seen, expected, shown = (look.told.pictures[name] for name in ("seen", "expected", "difference"))
-            losses = planned.loss_before, planned.loss_after
-            found.append(Look(done, seen, expected, shown, planned.look, *losses, text))
-        return tuple(found)
+    def _looks(self) -> list[tuple[events.Looked, events.Planned]]:
+        """Returns the looks after which the rest was planned again, with the new plans."""
+        return [(look.told, look.planned) for look in self.state.looks if look.planned and look.planned.look]
 
     def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[PictureComparison, ...]:
         """Returns comparisons of plan, painting and, if there is one, target, at the plan's resolution."""
@@ -240,58 +229,6 @@ class Recorder:
         if target is None:
             return (against_plan,)
         return (*planned, compare("The painting against the photograph", painted, target), against_plan)
-
-    def _story(self, plan: Plan, painting: Painting, comparisons: tuple[PictureComparison, ...]) -> Story:
-        state, painted, of, looks = self.state, painting.painted, len(plan), self._looks()
-        count = count_of(of, "stroke") if painted == of else f"{painted} of {count_of(of, 'stroke')}"
-        looked = f", {count_of(len(looks), 'look')} in between" if looks else ""
-        changes = ((count_of(each.done, "stroke"), "; ".join(each.facts)) for each in state.goals)
-        facts = [
-            *self.described.facts,
-            *(("Goal changed", f"after {strokes}: {goal}") for strokes, goal in changes),
-            *mixing_changes(plan).items(),
-            ("Strokes", f"{painted} of {of}"),
-        ]
-        for done, one in state.forecasts[:1]:
-            when = f"after {done} strokes" if done else "by the first plan"
-            facts.append((f"Similarity forecast {when}", str(SimilarityForecast(*one))))
-        facts += [
-            ("Dips into paint", str(sum(state.dips.values()))),
-            ("Brush cleaned", count_of(state.cleanings, "time")),
-            ("Made in", f"{state.seconds:.0f} s"),
-        ]
-        if state.runs > 1:
-            facts.append(("Sittings", str(state.runs)))
-        if state.given_up:
-            facts.append(("Strokes given up", ", ".join(map(str, state.given_up))))
-        facts += [("Brush heights", sentence) for sentence in state.touch.values()]
-        if painting.remark:
-            facts.append(("Last look", painting.remark))
-        if self._left_out:
-            facts.append(("Pictures left out", f"{self._left_out}, for want of space on the disk"))
-        if state.expected_seconds:
-            minutes = f"{painting.robot_seconds / 60:.1f} min, {state.expected_seconds / 60:.1f} expected"
-            facts.append(("Robot's clock", minutes))
-        return Story(
-            title=self.described.title,
-            summary=f"{count} in {count_of(len(plan.palette), 'paint')} on a canvas of {plan.canvas}{looked}.",
-            target=None if self.described.target is None else "target.jpg",
-            plan="plan.png",
-            painting="painting.png",
-            film="film.mp4" if (self.folder / "film.mp4").exists() else None,
-            palette_sheet="palette.png",
-            paints=paints(plan, self._recipes),
-            mixing_sheet="mixing.png" if self._recipes else None,
-            looks=looks,
-            phases=tuple(Phase(name, tuple(loss)) for name, loss in state.phases),
-            comparisons=comparisons,
-            facts=tuple(facts),
-            downloads=_DOWNLOADS,
-            stopped=state.stopped,
-            watched=self._watched,
-            has_camera=self.described.has_camera,
-            arm_film=ARM_FILM if (self.folder / ARM_FILM).exists() else None,
-        )
 
     def _write_result(self, plan: Plan, painting: Painting, comparisons: tuple[PictureComparison, ...]) -> None:
         state = self.state
@@ -325,8 +262,8 @@ class Recorder:
                     for done, found in state.forecasts
                 ],
                 "looks": [
-                    {"strokes": look.strokes, "loss_before": look.loss_before, "loss_after": look.loss_after}
-                    for look in self._looks()
+                    {"strokes": look.done, "loss_before": planned.loss_before, "loss_after": planned.loss_after}
+                    for look, planned in self._looks()
                 ],
                 "files": sorted({path.name for path in self.folder.iterdir() if path.name[0] != "."} | {_RESULT}),
             },

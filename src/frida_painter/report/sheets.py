@@ -24,6 +24,7 @@ from frida_painter.strokes.palette import Palette, to_hex, to_lab
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
 from frida_painter.system.sheet import A4, INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font, scale, shorten, to_bytes
+from frida_painter.system.storage import count_of
 
 # Figures: pictures side by side on one sheet, with headings, labels and captions.
 
@@ -61,7 +62,7 @@ def page(
     width: of every picture, pixels
     framed: True for a thin line around every picture, for pictures on white
     """
-    left = _MARGIN + max(_extent(part, _TEXT) for line in lines for part in line.label.split("\n")) + _GAP
+    left = _MARGIN + max(round(font(_TEXT).getlength(part)) for line in lines for part in line.label.split("\n")) + _GAP
     if left == _MARGIN + _GAP:
         left = _MARGIN
     top = _MARGIN + (_TITLE + 18 if title else 0) + (_TEXT + 12 if headings else 0)
@@ -95,10 +96,6 @@ def _rows(cell: Cell, width: int) -> int:
 def _height(line: FigureRow, width: int) -> int:
     captioned = any(cell and cell.caption for cell in line.cells)
     return max((_rows(cell, width) for cell in line.cells if cell), default=0) + _GAP + (_SMALL + 8 if captioned else 0)
-
-
-def _extent(text: str, size: int) -> int:
-    return round(font(size).getlength(text))
 
 
 # A picture for a decision about one stroke: is it on the canvas, or did the painting stop before it?
@@ -221,12 +218,10 @@ def offending_strokes(plan: Plan, picture: Tensor, offending: Collection[int]) -
     return sheet.tensor()
 
 
-def _tags(
-    sheet: Sheet, paths: dict[int, list[list[float]]], size: int, within: tuple[int, int]
-) -> None:  # fmt: skip
+def _tags(sheet: Sheet, paths: dict[int, list[list[float]]], size: int, within: tuple[int, int]) -> None:
     """Draws numbers in white on red beside their strokes and inside the picture, as many as find a free place."""
     pad = size * 0.3
-    taken: list[tuple[float, float, float, float]] = []
+    taken = np.zeros((within[1], within[0]), np.bool_)
     for index, points in paths.items():
         left, top, right, bottom = sheet.draw.textbbox((0, 0), str(index + 1), font=font(size))
         width, height = right - left, bottom - top
@@ -234,15 +229,12 @@ def _tags(
             x = min(max(x + size * 0.5, pad), within[0] - width - pad)
             y = min(max(y - size * 1.4, pad), within[1] - height - pad)
             box = (x - pad, y - pad, x + width + pad, y + height + pad)
-            if not any(_overlap(box, other) for other in taken):
-                taken.append(box)
+            place = taken[int(box[1]) : int(box[3]) + 1, int(box[0]) : int(box[2]) + 1]
+            if not place.any():
+                place[:] = True
                 sheet.draw.rounded_rectangle(box, radius=pad, fill=_RED)
                 sheet.text((x - left, y - top), str(index + 1), size, PAPER)
                 break
-
-
-def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
 # Printed pages for the place where a person mixes: recipes for every paint, and the palette.
@@ -282,8 +274,7 @@ def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, tit
     grid = Grid(_PAGE_MARGIN, _MIXING_SHEET_HEAD, 1, _PAGE_ROOM, height - 20, down=20)
     missed = sum(not recipe.within_reach for recipe in recipes)
     reach = f"{missed} of them out of reach of these paints" if missed else "all of them within reach of these paints"
-    plural = "" if len(recipes) == 1 else "s"
-    facts = f"How to mix {len(recipes)} paint{plural}, in parts by volume; {reach}"
+    facts = f"How to mix {count_of(len(recipes), 'paint')}, in parts by volume; {reach}"
     sheet = _begin_page(title, facts, max(A4[1], grid.bottom(len(recipes)) + 20 + foot))
     for index, (recipe, at) in enumerate(zip(recipes, grid.corners(len(recipes)), strict=True)):
         _recipe(sheet, index, recipe, volumes[index] if volumes else None, at, grid)
@@ -297,9 +288,7 @@ def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, tit
     return sheet.tensor()
 
 
-def _recipe(
-    sheet: Sheet, index: int, recipe: Recipe, volume: float | None, at: tuple[int, int], grid: Grid
-) -> None:  # fmt: skip
+def _recipe(sheet: Sheet, index: int, recipe: Recipe, volume: float | None, at: tuple[int, int], grid: Grid) -> None:
     """Draws one row: number, wanted and predicted colour side by side, the parts in words and as a bar, the amounts."""
     (edge, top), height = at, grid.height
     left = edge + 64
@@ -349,7 +338,7 @@ def _format_millilitres(amount: float) -> str:
     if amount >= 0.095:
         return f"{amount:.1f} ml"
     drops = round(amount / _DROP)
-    return "a trace" if drops == 0 else "1 drop" if drops == 1 else f"{drops} drops"
+    return count_of(drops, "drop") if drops else "a trace"
 
 
 # The palette's content also fits US Letter.
@@ -394,11 +383,14 @@ def sheet_file(name: str, layer: int) -> str:
 
 
 def _facts(plan: Plan) -> str:
-    count = len(plan.palette)
-    facts = f"{count} paint{'s' if count != 1 else ''} for {len(plan)} strokes on a canvas of {plan.canvas}"
+    facts = f"{count_of(len(plan.palette), 'paint')} for {len(plan)} strokes on a canvas of {plan.canvas}"
     ground = to_hex(torch.tensor(plan.ground))
     toned = f", toned {ground}" if ground != "#ffffff" else ""
     return f"{facts}{toned}, brush{'es' if len(plan.brushes) > 1 else ''}: {', '.join(plan.brushes)}"
+
+
+def _color_in_words(paint: PaintFacts) -> tuple[str, str, str]:
+    return paint.hex, "sRGB {}  {}  {}".format(*paint.srgb), "Lab {:.1f}  {:.1f}  {:.1f}".format(*paint.lab)
 
 
 def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
@@ -406,25 +398,19 @@ def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, heig
     below = top + height - (118 if not paint.recipe else 118 + 2 * _RECIPE_PITCH)
     sheet.swatch((left, top), width, below - top, paint.srgb, LINE)
     sheet.text((left, below + 12), str(paint.number), 44, INK)
-    strokes = f"{_strokes(paint)}, {paint.share:.0%}"
-    for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint), strokes)):
+    strokes = f"{count_of(paint.strokes, 'stroke')}, {paint.share:.0%}"
+    for row, text in enumerate((*_color_in_words(paint), strokes)):
         sheet.text((left + 66, below + 14 + 25 * row), text, _PALETTE_SHEET_SMALL, INK if row == 0 else SOFT)
     sheet.lines((left, below + 118), _in_two_lines(paint.recipe, width), _RECIPE_SIZE, _RECIPE_PITCH)
 
 
 def _in_two_lines(recipe: str, width: int) -> list[str]:
     """Returns the recipe in at most two lines, broken at a plus; the second line is cut if it is too long."""
-    words = recipe.split(" + ")
-    first = next(
-        (
-            count
-            for count in range(len(words), 0, -1)
-            if font(_RECIPE_SIZE).getlength(" + ".join(words[:count]) + " +") <= width
-        ),
-        1,
-    )
-    lines = [" + ".join(words[:first]), " + ".join(words[first:])]
-    return [shorten(line, _RECIPE_SIZE, width) for line in ([lines[0] + " +", lines[1]] if lines[1] else [lines[0]])]
+    words, face = recipe.split(" + "), font(_RECIPE_SIZE)
+    starts = ((count, " + ".join(words[:count])) for count in range(len(words), 0, -1))
+    count = next((count for count, line in starts if face.getlength(f"{line} +") <= width), 1)
+    first, second = " + ".join(words[:count]), " + ".join(words[count:])
+    return [shorten(line, _RECIPE_SIZE, width) for line in ([f"{first} +", second] if second else [first])]
 
 
 def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
@@ -433,22 +419,10 @@ def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, heig
     sheet.swatch((left, top), swatch, height, paint.srgb, LINE)
     sheet.text((left + swatch + 12, top - 4), str(paint.number), 24, INK)
     pitch = min(26, height // 3)
-    for row, text in enumerate((paint.hex, _srgb(paint), _lab(paint))):
+    for row, text in enumerate(_color_in_words(paint)):
         sheet.text((left + swatch + 50, top + pitch * row), text, size, INK if row == 0 else SOFT)
-    sheet.text((right, top), _strokes(paint), size, SOFT, "ra")
+    sheet.text((right, top), count_of(paint.strokes, "stroke"), size, SOFT, "ra")
     sheet.text((right, top + pitch), f"{paint.share:.0%}", size, SOFT, "ra")
-
-
-def _srgb(paint: PaintFacts) -> str:
-    return "sRGB {}  {}  {}".format(*paint.srgb)
-
-
-def _lab(paint: PaintFacts) -> str:
-    return "Lab {:.1f}  {:.1f}  {:.1f}".format(*paint.lab)
-
-
-def _strokes(paint: PaintFacts) -> str:
-    return f"{paint.strokes} stroke{'s' if paint.strokes != 1 else ''}"
 
 
 # Recipe sheets of a plan, made in a separate thread while the robot goes on painting.
@@ -523,11 +497,11 @@ class _Drawing:
         self._draw = self.sheet.draw
         self._corner = (_WORKSPACE_PLAN_MARGIN, _WORKSPACE_PLAN_HEAD + height)
         self._lower = lower
-        self._text(_WORKSPACE_PLAN_MARGIN, 34, title, 36, INK, "la")
+        self.sheet.text((_WORKSPACE_PLAN_MARGIN, 34), title, 36, INK, "la")
         note = "The table from above; metres in the robot's frame. Dashed: how far the brush stirs."
         if workspace.rack:
             note += " Brown: brushes in the rack, and how they are drawn out."
-        self._text(_WORKSPACE_PLAN_MARGIN, self.sheet.image.height - 34, note, 19, SOFT, "ls")
+        self.sheet.text((_WORKSPACE_PLAN_MARGIN, self.sheet.image.height - 34), note, 19, SOFT, "ls")
         self._draw.rectangle((*self._at(lower[0], upper[1]), *self._at(upper[0], lower[1])), fill=_TABLE, outline=_EDGE)
         self._rule(upper)
         self._canvas(workspace, canvas)
@@ -545,9 +519,9 @@ class _Drawing:
         corners: NDArray[np.float64] = workspace.to_robot(ends, np.zeros(4))
         self._draw.polygon([self._at(x, y) for x, y, _ in corners], fill=PAPER, outline=INK, width=2)
         x, y, _ = workspace.to_robot(np.array([[canvas.width, canvas.height]]) / 2, np.zeros(1))[0]
-        self._text(*self._at(x, y), "canvas", 26, SOFT, "ms")
-        self._text(*self._at(x, y), str(canvas), 20, SOFT, "ma")
-        self._text(*self._at(*corners[0, :2]), "  bottom left", 16, SOFT, "ld")
+        self.sheet.text(self._at(x, y), "canvas", 26, SOFT, "ms")
+        self.sheet.text(self._at(x, y), str(canvas), 20, SOFT, "ma")
+        self.sheet.text(self._at(*corners[0, :2]), "  bottom left", 16, SOFT, "ld")
 
     def _rag(self, workspace: Workspace) -> None:
         x, y, _ = workspace.rag
@@ -555,7 +529,7 @@ class _Drawing:
         self._draw.rectangle((*self._at(x - half, y + half / 2), *self._at(x + half, y - half / 2)), fill=_RAG)
         left, right = self._at(x - half, y), self._at(x + half, y)
         self._draw.line((*left, *right), fill=SOFT, width=2)
-        self._text(*self._at(x, y), "rag", 19, INK, "ms")
+        self.sheet.text(self._at(x, y), "rag", 19, INK, "ms")
 
     def _round(self, place: Point, name: str, fill: tuple[int, int, int]) -> None:
         """Draws a well or the water, with the circle in which the brush stirs."""
@@ -564,7 +538,7 @@ class _Drawing:
         self._draw.ellipse((x - outer, y - outer, x + outer, y + outer), fill=fill, outline=_EDGE, width=2)
         for start in range(0, 360, 30):
             self._draw.arc((x - stirred, y - stirred, x + stirred, y + stirred), start, start + 15, fill=_EDGE, width=2)
-        self._text(x, y, name, 19, INK, "mm")
+        self.sheet.text((x, y), name, 19, INK, "mm")
 
     def _rack(self, rack: BrushRack) -> None:
         """Draws each brush in its fork, and the path on which it leaves the fork."""
@@ -574,13 +548,13 @@ class _Drawing:
             self._draw.line((column, row, *self._at(*rack.front(brush)[:2])), fill=_BRUSH, width=3)
             self._draw.ellipse((column - radius, row - radius, column + radius, row + radius), fill=_BRUSH)
             away = 1 if rack.slide[1] > 0 else -1  # the name is at the closed side of the fork
-            self._text(column, row + away * (radius + 12), brush, 19, INK, "mm")
+            self.sheet.text((column, row + away * (radius + 12)), brush, 19, INK, "mm")
 
     def _home(self, place: Point) -> None:
         x, y = self._at(*place[:2])
         self._draw.line((x - 10, y, x + 10, y), fill=_HOME, width=3)
         self._draw.line((x, y - 10, x, y + 10), fill=_HOME, width=3)
-        self._text(x + 14, y, "home", 19, _HOME, "lm")
+        self.sheet.text((x + 14, y), "home", 19, _HOME, "lm")
 
     def _rule(self, upper: NDArray[np.float64]) -> None:
         """Draws a scale in tenths of a metre along the lower and the left edge."""
@@ -594,11 +568,8 @@ class _Drawing:
                 self._draw.line((x, y, *end), fill=_EDGE, width=2)
                 anchor = "ma" if axis == 0 else "rm"
                 offset = (x, y + 12) if axis == 0 else (x - 12, y)
-                self._text(*offset, f"{tenth / 10:g}", 16, SOFT, anchor)
+                self.sheet.text(offset, f"{tenth / 10:g}", 16, SOFT, anchor)
 
     def _at(self, x: float, y: float) -> tuple[float, float]:
         left, bottom = self._corner
         return left + (x - self._lower[0]) * self._scale, bottom - (y - self._lower[1]) * self._scale
-
-    def _text(self, x: float, y: float, text: str, size: int, fill: tuple[int, int, int], anchor: str) -> None:
-        self.sheet.text((x, y), text, size, fill, anchor)

@@ -1,7 +1,4 @@
-"""The story of one painting: all content of its page, as plain names and numbers.
-
-Pictures, the film and the downloads are file names relative to the painting's folder.
-"""
+"""Figures of a painting for its page and its sheets: the use of each paint, and the similarity of two pictures."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +19,6 @@ class PaintFacts:
     srgb: bytes
     lab: CIELAB
     strokes: number of its strokes
-    length: total length of its strokes, metres
     share: of the length of all paints' strokes, in [0, 1]
     recipe: in words; "" if it was not requested
     layer: from 1, before which its well is filled
@@ -33,43 +29,9 @@ class PaintFacts:
     srgb: tuple[int, int, int]
     lab: tuple[float, float, float]
     strokes: int
-    length: float
     share: float
     recipe: str = ""
     layer: int = 1
-
-
-@dataclass(frozen=True)
-class Look:
-    """Look at the canvas during the painting, with the result of the replan.
-
-    strokes: number of strokes painted so far
-    photograph, expected, difference: the seen canvas, the expected one, and their difference
-    plan: finished painting according to the new plan
-    loss_before, loss_after: of the plan before and after the replan
-    text: one or two sentences
-    """
-
-    strokes: int
-    photograph: str
-    expected: str
-    difference: str
-    plan: str
-    loss_before: float
-    loss_after: float
-    text: str = ""
-
-
-@dataclass(frozen=True)
-class Phase:
-    """Planning phase with its loss.
-
-    name: above the curve
-    loss: (iteration, loss) in order
-    """
-
-    name: str
-    loss: tuple[tuple[int, float], ...]
 
 
 @dataclass(frozen=True)
@@ -84,46 +46,6 @@ class PictureComparison:
     label: str
     psnr: float
     distance: float
-
-
-@dataclass(frozen=True)
-class Download:
-    """File to download, with a short statement of its purpose."""
-
-    file: str
-    purpose: str
-
-
-@dataclass(frozen=True)
-class Story:
-    """Content of a painting's page, in the order of the page.
-
-    target: None if there is no goal picture
-    painting: None if the work was stopped before the first photograph of the canvas
-    film: None if there is none
-    facts: (label, value), in order
-    has_camera: False if no camera looked at the canvas, so that the film shows what is expected
-    watched: False if nobody photographed the finished canvas either
-    """
-
-    title: str
-    summary: str
-    target: str | None
-    plan: str
-    painting: str | None
-    film: str | None
-    palette_sheet: str | None
-    paints: tuple[PaintFacts, ...]
-    looks: tuple[Look, ...] = ()
-    phases: tuple[Phase, ...] = ()
-    comparisons: tuple[PictureComparison, ...] = ()
-    facts: tuple[tuple[str, str], ...] = ()
-    downloads: tuple[Download, ...] = ()
-    stopped: bool = False
-    arm_film: str | None = None
-    mixing_sheet: str | None = None
-    has_camera: bool = True
-    watched: bool = True
 
 
 def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]:
@@ -144,7 +66,6 @@ def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]
             srgb=tuple((colors[paint] * 255).round().int().tolist()),
             lab=tuple(round(part, 1) + 0.0 for part in lab[paint].tolist()),
             strokes=count,
-            length=float(lengths[paint]),
             share=float(shares[paint]),
             recipe=words[paint] if words else "",
             layer=wells[paint][0],

@@ -4,7 +4,6 @@ import csv
 import io
 import math
 from collections.abc import Collection, Mapping
-from xml.sax.saxutils import escape, quoteattr
 
 import torch
 from torch import Tensor
@@ -12,10 +11,12 @@ from torch import Tensor
 from frida_painter.brush.kinds import StrokeModel, growth_of
 from frida_painter.errors import PlanError
 from frida_painter.frames import wrap_angles
+from frida_painter.report.page import template
 from frida_painter.strokes.family import MAX_CODES
 from frida_painter.strokes.palette import to_hex
 from frida_painter.strokes.plan import Plan
 from frida_painter.strokes.strokes import Strokes
+from frida_painter.system.storage import count_of
 
 # Strokes for other programs: the control points of each path, and one width that approximates its mark.
 
@@ -108,55 +109,30 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
         if not groups or places[groups[-1][0]] != places[index] or index in dips:
             groups.append([])
         groups[-1].append(index)
+    paths, layers = _paths(plan, width), []
+    for number, group in enumerate(groups, start=1):
+        layer, well = places[group[0]]
+        brush, color = plan.layers[layer].brush, to_hex(plan.wells(plan.layers[layer]).color[well])
+        of = f" layer {layer + 1}" if len(plan.layers) > 1 else ""
+        of += f" {brush} brush" if len(plan.brushes) > 1 else ""
+        # Plotter software reads the number at the start of a label as the layer's number, and "!" as a pause.
+        pause = "!" if group[0] in dips else ""
+        label = f"{pause}{number} paint {well + 1} {color} {count_of(len(group), 'stroke')}{of}"
+        layers.append((label, color, well + 1, layer + 1, brush, [paths[index] for index in group]))
     across, down = (_millimetres(side) for side in (plan.canvas.width, plan.canvas.height))
-    paths = _paths(plan, width)
-    layers = [
-        _draw(number, plan, places[group[0]], group[0] in dips, [paths[index] for index in group])
-        for number, group in enumerate(groups, start=1)
-    ]
-    ground = to_hex(torch.tensor(plan.ground))
-    return "\n".join(
-        (
-            '<?xml version="1.0" encoding="UTF-8"?>',
-            '<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"',
-            '     xmlns:sodipodi="http://sodipodi.sourceforge.net/DTD/sodipodi-0.dtd"',
-            f'     width="{across}mm" height="{down}mm" viewBox="0 0 {across} {down}" style="background:{ground}">',
-            f"  <title>{escape(f'{len(plan)} strokes in {len(plan.palette)} colours, {plan.canvas}')}</title>",
-            f'  <sodipodi:namedview pagecolor="{ground}" inkscape:document-units="mm"/>',
-            *layers,
-            "</svg>\n",
-        )
-    )
+    known = {"across": across, "down": down, "ground": to_hex(torch.tensor(plan.ground))}
+    return template("strokes.svg").render(plan=plan, layers=layers, **known) + "\n"
 
 
-def _draw(number: int, plan: Plan, place: tuple[int, int], pause: bool, paths: list[str]) -> str:
-    """Returns an SVG layer of strokes of one layer and well of the plan (`place`); with a pause if they need a dip."""
-    layer, well = place
-    brush, color = plan.layers[layer].brush, to_hex(plan.wells(plan.layers[layer]).color[well])
-    count = f"{len(paths)} stroke{'s' if len(paths) > 1 else ''}"
-    of = f" layer {layer + 1}" if len(plan.layers) > 1 else ""
-    of += f" {brush} brush" if len(plan.brushes) > 1 else ""
-    # Plotter software reads the number at the start of a label as the layer's number, and "!" as a pause.
-    label = quoteattr(f"{'!' if pause else ''}{number} paint {well + 1} {color} {count}{of}")
-    return (
-        f'  <g inkscape:groupmode="layer" id="layer{number}" inkscape:label={label} fill="none" stroke="{color}"'
-        f' stroke-linecap="round" stroke-linejoin="round" data-paint="{well + 1}"'
-        f' data-layer="{layer + 1}" data-brush={quoteattr(brush)}>\n' + "\n".join(paths) + "\n  </g>"
-    )
-
-
-def _paths(plan: Plan, width: Tensor) -> list[str]:
+def _paths(plan: Plan, width: Tensor) -> list[tuple[str, str, int, float, str]]:
+    """Returns the path, the width in millimetres, the number, the thickness and the family of each stroke."""
     found = []
     values = (bezier_paths(plan.strokes), width.tolist(), plan.strokes.thickness.tolist(), _families(plan))
     for index, (path, metres, thickness, family) in enumerate(zip(*values, strict=True), start=1):
         curves = (plan.canvas.on_page(path.double().cpu()) * 1000).tolist()
         pairs = [[f"{x:.{_DECIMALS}f},{y:.{_DECIMALS}f}" for x, y in curve] for curve in curves]
         data = " ".join((f"M{pairs[0][0]}", *(f"C{' '.join(curve[1:])}" for curve in pairs)))
-        named = f" data-family={quoteattr(family)}" if family else ""
-        found.append(
-            f'    <path d="{data}" stroke-width="{_millimetres(metres)}"'
-            f' data-stroke="{index}" data-thickness="{thickness:.4f}"{named}/>'
-        )
+        found.append((data, _millimetres(metres), index, thickness, family))
     return found
 
 

@@ -229,15 +229,13 @@ def making_facts(*items: GoalItem) -> tuple[tuple[str, str], ...]:
     return tuple(found)
 
 
-def _goal_items(value: Any) -> Any:
-    """Returns goal items from tables of a TOML file ({"text": "a lemon", "weight": 2}); others stay as they are."""
-    return tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value
-
-
 def _plain(items: tuple[GoalItem, ...], *, beginning: bool) -> tuple[GoalItem, ...]:
     return tuple(parse_field(partial(GoalItem.plain, beginning=beginning), item) for item in items)
 
 
-_AsItems = BeforeValidator(_goal_items, json_schema_input_type=Sequence[GoalItem | Mapping[str, Any]])
+_AsItems = BeforeValidator(
+    lambda value: tuple(map(GoalItem.of, value)) if isinstance(value, list | tuple) else value,
+    json_schema_input_type=Sequence[GoalItem | Mapping[str, Any]],
+)
 Items = Annotated[tuple[GoalItem, ...], _AsItems, AfterValidator(partial(_plain, beginning=False))]
 InitialItems = Annotated[tuple[GoalItem, ...], _AsItems, AfterValidator(partial(_plain, beginning=True))]

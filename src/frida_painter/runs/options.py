@@ -1,11 +1,12 @@
 """Options of the command line: how a command takes them, and those that several share: numbers, paths, the easel."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -14,6 +15,8 @@ from frida_painter.hardware.kinds import CameraKind
 from frida_painter.planning.settings import about, help_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.system import storage
+
+_Number = TypeVar("_Number", int, float)
 
 
 def with_fields(command: Callable[..., None], *more: Parameter) -> Callable[..., None]:
@@ -37,20 +40,30 @@ def with_fields(command: Callable[..., None], *more: Parameter) -> Callable[...,
     return spread
 
 
-def whole_number(text: str) -> int:
-    """Converts "300" to 300. Raises typer.BadParameter."""
-    try:
-        return int(text)
-    except ValueError as error:
-        raise typer.BadParameter(f"{str(text)[:40]!r} is not a whole number, like 300") from error
+def whole_number_within(least: float, most: float) -> Callable[[str], int]:
+    """Returns a parser of integers from `least` to `most`. The parser raises typer.BadParameter."""
+    return _reader(int, "a whole number, like 300", least, most)
 
 
-def any_number(text: str) -> float:
-    """Converts "0.5" to 0.5. Raises typer.BadParameter."""
-    try:
-        return float(text)
-    except ValueError as error:
-        raise typer.BadParameter(f"{str(text)[:40]!r} is not a number, like 0.5") from error
+def number_within(least: float, most: float) -> Callable[[str], float]:
+    """Returns a parser of numbers from `least` to `most`. The parser raises typer.BadParameter."""
+    return _reader(float, "a number, like 0.5", least, most)
+
+
+def _reader(kind: Callable[[str], _Number], like: str, least: float, most: float) -> Callable[[str], _Number]:
+    def read(text: str) -> _Number:
+        try:
+            value = kind(text)
+        except ValueError as error:
+            raise typer.BadParameter(f"{str(text)[:40]!r} is not {like}") from error
+        if least > -math.inf and not least <= value <= most:  # without limits, the setting itself refuses NaN
+            raise typer.BadParameter(f"{text[:40]} is not from {least} to {most}")
+        return value
+
+    return read
+
+
+whole_number, any_number = whole_number_within(-math.inf, math.inf), number_within(-math.inf, math.inf)
 
 
 def taking(value: str, says: str, *names: str, **more: Any) -> Any:
@@ -61,23 +74,6 @@ def taking(value: str, says: str, *names: str, **more: Any) -> Any:
 def whole_number_option(least: int, most: int, says: str) -> Any:
     """Returns the option for an integer from `least` to `most`; `says` is its help."""
     return taking("N", says, parser=whole_number_within(least, most))
-
-
-def whole_number_within(least: int, most: int) -> Callable[[str], int]:
-    """Returns a parser of integers from `least` to `most`. The parser raises typer.BadParameter."""
-    return number_within(least, most, whole_number)
-
-
-def number_within(least: float, most: float, read: Callable[[str], Any] = any_number) -> Callable[[str], Any]:
-    """Returns a parser of the numbers from `least` to `most` that `read` reads. It raises typer.BadParameter."""
-
-    def checked(text: str) -> Any:
-        value = read(text)
-        if not least <= value <= most:
-            raise typer.BadParameter(f"{text[:40]} is not from {least} to {most}")
-        return value
-
-    return checked
 
 
 def out_file(text: str | Path, *, folder: bool = False) -> Path:

@@ -251,20 +251,16 @@ class RecordCheck:
         return self.can_be_made_again if self.same is None else self.same
 
     def __str__(self) -> str:
+        more = len(self.differences) - _MAX_TOLD
+        changed = "; ".join((*self.differences[:_MAX_TOLD], *([f"and {more} more"] if more > 0 else [])))
+        told, since = self.obstacle, f"Changed since: {changed}." if changed else ""
+        if not told and self.same is None:
+            told = "" if changed else "It can be made again here: nothing that decides it has changed."
+            since = f"It may come out differently here: {changed}." if changed else ""
+        elif not told:
+            told = f"It was made again, and {'is the same to the last bit' if self.same else 'differs'}."
         files = f"Its folder is not as it was left: {'; '.join(self.files)}." if self.files else ""
-        return " ".join(filter(None, (files, self._told, self.remark)))
-
-    @property
-    def _told(self) -> str:
-        changed = "; ".join(self.differences[:_MAX_TOLD])
-        more = f"; and {len(self.differences) - _MAX_TOLD} more" if len(self.differences) > _MAX_TOLD else ""
-        if self.obstacle:
-            return f"{self.obstacle} Changed since: {changed}{more}." if changed else self.obstacle
-        if self.same is None:
-            told = "It can be made again here: nothing that decides it has changed."
-            return f"It may come out differently here: {changed}{more}." if changed else told
-        told = "It was made again, and is the same to the last bit." if self.same else "It was made again, and differs."
-        return f"{told} Changed since: {changed}{more}." if changed else told
+        return " ".join(filter(None, (files, told, since, self.remark)))
 
 
 @dataclass(frozen=True)

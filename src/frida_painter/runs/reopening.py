@@ -26,7 +26,7 @@ from frida_painter.session.events import SessionResumed
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.loop import PaintingSession
-from frida_painter.session.progress import ResumeState
+from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.resuming import KeptPlan
 from frida_painter.system import images
 from frida_painter.system.event_log import missing
@@ -56,15 +56,15 @@ class ReopenedPainting:
         """State from the journal, which goes on with it."""
         return self.journal.state
 
-    def take_up(self, session: PaintingSession, controls: Controls) -> tuple[ResumeState | None, SessionResumed]:
+    def take_up(self, session: PaintingSession, controls: Controls) -> tuple[PaintingProgress | None, SessionResumed]:
         """Recalls the brush, looks at the canvas, asks about the stroke in doubt, and notes that painting goes on.
 
         Returns the state to resume from, None if the painting broke off before the first plan, and the event that
         tells of it. Raises FrameRejected if the canvas has changed, and nobody accepts that.
         """
         history, kept, sees = self.history, self.plan, session.hand.easel.has_camera
-        if (bare := resuming.bare_photograph(self.folder)) is not None:
-            session.observer.learn_good(bare, resuming.last_photograph(self.folder, history))
+        if (bare := resuming.load_photograph(self.folder, resuming.BARE)) is not None:
+            session.observer.learn_good(bare, resuming.load_photograph(self.folder, history.last_photograph))
         resuming.recall_brush(session.hand, history, controls.answer)
         if (begun := history.person_in_doubt) is not None:
             session.person.finish(begun)
@@ -88,7 +88,8 @@ class ReopenedPainting:
             before = None  # a stroke that was given up is there, in part or not at all: only this look tells
         wet = history.wet(None if session.hand.easel.simulated else datetime.now(UTC))
         person = len(history.person), unseen, kept.planning.answers
-        where = ResumeState(kept.plan, history.painted, kept.planning.done, before, now, wet, history.left_out, *person)
+        canvas = before, now, wet, history.left_out
+        where = PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, *canvas, *person)
         expected = session.planner.expected(kept.plan.part(slice(history.painted, None)), now)
         return where, replace(resumed, plan=kept.plan, expected=expected)
 

@@ -64,6 +64,7 @@ from frida_painter.runs.reopening import ReopenedPainting, reopen
 from frida_painter.runs.settle import (
     fit_canvas,
     name_families,
+    open_networks,
     open_planner,
     open_recorder,
     replan_policy,
@@ -245,7 +246,9 @@ class PaintingRun:
         """
         if self._settled is None:
             region = resuming.region(self._folder or PAINTINGS, self.painting)
-            self._settled = settle(self._fitted, self._encoders, region=region, tell=self.tell, heed=self.heed)
+            networks = self._encoders or open_networks(self.spec, self.tell, self.heed)
+            spec, planner, chosen = settle(self._fitted, networks)
+            self._settled = spec, planner if region is None else planner.keeping_clear(region), chosen
         return self._settled[1]
 
     @property
@@ -422,7 +425,8 @@ class PaintingRun:
             raise StorageError(f"{self.folder} holds no plan, and without it there is nothing to tell; bring it back.")
         state, seen_by = self.painting, (self.spec.canvas, self.folder / CALIBRATION)
         canvas = resuming.last_canvas(self.folder, state, *seen_by)
-        before = resuming.first_canvas(self.folder, state, *seen_by)
+        begun = next((planning.photograph for planning in state.plannings if planning.done == 0), None)
+        before = resuming.load_canvas(self.folder, begun, state, *seen_by)
         with self._recorder() as recorder:
             expected = self.planner.expected(kept.plan, before)
             recorder.hear(events.SessionResumed(state.painted, plan=kept.plan, expected=expected))

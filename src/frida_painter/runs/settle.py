@@ -25,7 +25,6 @@ from frida_painter.planning.ground import ground_around_things, proposed_ground
 from frida_painter.planning.materials import Materials
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
-from frida_painter.planning.problem import Region
 from frida_painter.report.recorder import Description, Recorder
 from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.goals import OF_PICTURES, make_goal, picture_of, tell_terms
@@ -33,7 +32,7 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter.session.opening import planning_device
-from frida_painter.session.replan_policy import EvenlySpaced, NeverLooks, ReplanPolicy, parse_replan_policy
+from frida_painter.session.replan_policy import EvenlySpaced, EveryNth, ReplanPolicy, parse_replan_policy
 from frida_painter.strokes.palette import to_hex
 from frida_painter.strokes.plan import WHITE, Plan
 from frida_painter.system import images
@@ -112,26 +111,34 @@ def paints_for_recipes(spec: RunSpec) -> PaintSet:
     return PaintSet.of(spec.paints, darkest) or PaintSet(usual_paints(), darkest=darkest)
 
 
+def open_networks(
+    spec: RunSpec,
+    tell: Callable[[str], None] = lambda sentence: None,
+    heed: Callable[[], None] = lambda: None,
+) -> EncoderRegistry:
+    """Returns the networks that judge the goal of a description; each is loaded when it is needed.
+
+    tell: receives a sentence about each wait, also for a choice of the ground.
+    heed: called often in waits; may raise to end them.
+    """
+    return EncoderRegistry(clip=spec.clip, device=planning_device(), pictures=spec.pictures, tell=tell, heed=heed)
+
+
 def open_planner(
     spec: RunSpec,
     goal: Goal,
     encoders: EncoderRegistry | None = None,
     brushes: AnyBrush | Sequence[AnyBrush] | None = None,
-    tell: Callable[[str], None] = lambda sentence: None,
-    heed: Callable[[], None] = lambda: None,
 ) -> Planner:
     """Returns the planner of a description, on its ground, or on white if the ground is to be chosen.
 
     A stroke model in the calibration record is preferred to that of the project.
-    encoders: networks that judge the goal. None: the fetched ones.
+    encoders: networks that judge the goal. None: those of the description.
     brushes: stroke models instead of the description's brushes.
-    tell: receives a sentence about each wait.
-    heed: called often in waits; may raise to end them.
     Raises CalibrationError if the record is damaged, WeightsError if a brush or a network is missing, ConfigError
     if --clip or --pictures has no use.
     """
-    device = planning_device()
-    networks = encoders or EncoderRegistry(clip=spec.clip, device=device, pictures=spec.pictures, tell=tell, heed=heed)
+    device, networks = planning_device(), encoders or open_networks(spec)
     work = spec.effort * (_ON_GPU if device.type == "cuda" else 1.0)
     told = tell_terms(goal, replace(spec.words, effort=work), spec.freedom)
     materials = Materials.of(spec, brushes, _learned_brushes(spec))
@@ -165,7 +172,7 @@ def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
     layers: strokes of each layer; the looks at their starts are among the replans.
     """
     if not spec.has_camera or spec.together:
-        return NeverLooks()
+        return EveryNth.never()
     return parse_replan_policy(spec.replan_policy) if spec.replan_policy else EvenlySpaced(spec.replans, layers)
 
 
@@ -207,38 +214,9 @@ def open_recorder(
     return Recorder(folder, described, planner.models, state)
 
 
-# Choice of the ground, if the description leaves it to the planner.
-
-
-def settle_ground(
-    spec: RunSpec, planner: Planner, notify: Callable[[Step], None] = lambda step: None
-) -> tuple[Planner, str, str]:
-    """Chooses the ground; returns the planner on it, its name ("white" or a colour), and a sentence about the choice.
-
-    The sentence is "" if nothing was chosen.
-    notify: called at every step of quick plans.
-    Raises ConfigError if the ground is "auto" and the goal has no picture.
-    """
-    wanted, said = spec.wanted_ground, ""
-    if wanted == AUTO:
-        color = proposed_ground(planner, spec.strokes, spec.colors, notify)
-        said = "The ground that suits this picture best: {}."
-    elif wanted == OF_SCENE:
-        color = ground_around_things(planner)
-        said = "" if color == WHITE else "The canvas is toned in the commonest colour around what is shown: {}."
-    else:
-        return planner, wanted, ""
-    ground = _name_color(color)
-    return planner.on_ground(color), ground, said.format(ground)
-
-
 def ground_of(plan: Plan) -> str:
     """Returns the ground of a plan in the form of --ground."""
-    return _name_color(plan.ground)
-
-
-def _name_color(color: tuple[float, float, float]) -> str:
-    return "white" if color == WHITE else to_hex(torch.tensor(color))
+    return "white" if plan.ground == WHITE else to_hex(torch.tensor(plan.ground))
 
 
 def name_families(spec: RunSpec) -> RunSpec:
@@ -250,42 +228,38 @@ def name_families(spec: RunSpec) -> RunSpec:
     return spec.model_copy(update={"brushes": spec.layer_brushes, "strokes_of": None})
 
 
-# Settling of a description: open settings are chosen once, and the planner is opened.
-
-
 def settle(
     made: Fitted,
     encoders: EncoderRegistry | None = None,
     brushes: AnyBrush | Sequence[AnyBrush] | None = None,
-    *,
-    region: Region | None = None,
-    tell: Callable[[str], None] = lambda sentence: None,
-    heed: Callable[[], None] = lambda: None,
 ) -> tuple[RunSpec, Planner, str]:
     """Chooses an open ground by quick plans; returns the description with brushes and ground, and its planner.
 
     Also returns a sentence for the person about the choice, "" if nothing was chosen.
     made: description and goal, fitted to each other.
-    encoders: networks that judge the goal. None: the fetched ones.
-    brushes: stroke models instead of the description's brushes.
-    region: part of the canvas that strokes keep clear of.
-    tell: receives a sentence about each wait.
-    heed: called often in waits; may raise to end them.
-    Raises like `open_planner`.
+    encoders, brushes: as for `open_planner`; a wait is told and heeded as in those of networks.
+    Raises like `open_planner`, and ConfigError if the ground is "auto" and the goal has no picture.
     """
-    said: list[str] = []
+    spec = name_families(made.spec)
+    planner = open_planner(spec, made.goal, encoders, brushes)
+    told: list[str] = []
 
     def choosing(step: Step) -> None:
-        heed()
-        if not said:
-            said.append("Choosing the ground, by quick plans.")
-            tell(said[0])
+        planner.encoders.heed()
+        if not told:
+            told.append("Choosing the ground, by quick plans.")
+            planner.encoders.tell(told[0])
 
-    spec = name_families(made.spec)
-    planner = open_planner(spec, made.goal, encoders, brushes, tell, heed)
-    planner, ground, remark = settle_ground(spec, planner, choosing)
-    spec = spec.model_copy(update={"ground": ground})
-    return spec, planner if region is None else planner.keeping_clear(region), remark
+    if spec.wanted_ground == AUTO:
+        color = proposed_ground(planner, spec.strokes, spec.colors, choosing)
+        said = "The ground that suits this picture best: {}."
+    elif spec.wanted_ground == OF_SCENE:
+        color = ground_around_things(planner)
+        said = "" if color == WHITE else "The canvas is toned in the commonest colour around what is shown: {}."
+    else:
+        return spec.model_copy(update={"ground": spec.wanted_ground}), planner, ""
+    ground = "white" if color == WHITE else to_hex(torch.tensor(color))
+    return spec.model_copy(update={"ground": ground}), planner.on_ground(color), said.format(ground)
 
 
 def make_planner(

@@ -326,7 +326,10 @@ class RunSpec(PaintingSettings, MachineSettings, PlannerSettings, GoalSettings):
             "replans": min(chosen.replans, chosen.strokes - 1) if chosen.has_camera else 0,
         }
         if chosen.workspace is not None and not chosen.simulated and "canvas" not in settings:
-            fitting["canvas"] = canvas_of(chosen.workspace)
+            from frida_painter.hardware.workcell import WorkcellConfig  # loads tensors
+
+            size = WorkcellConfig.load(chosen.workspace).canvas
+            fitting["canvas"] = CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
         fitting = {name: fits for name, fits in fitting.items() if name not in settings}
         return chosen.model_copy(update={name: fits for name, fits in fitting.items() if fits != getattr(chosen, name)})
 
@@ -470,14 +473,6 @@ class RunSpec(PaintingSettings, MachineSettings, PlannerSettings, GoalSettings):
 
 FILES = tuple(name for name, field in RunSpec.model_fields.items() if field.annotation == Path | None)
 """Settings that name files, other than those of the goal."""
-
-
-def canvas_of(workspace: Path) -> CanvasSize:
-    """Returns the canvas of a workspace file. Raises ConfigError."""
-    from frida_painter.hardware.workcell import WorkcellConfig  # loads tensors
-
-    size = WorkcellConfig.load(workspace).canvas
-    return CanvasSize.parse(f"{size.width * 1000:.3f}x{size.height * 1000:.3f}mm")
 
 
 def paints_of(palette: Path) -> int:

@@ -4,9 +4,9 @@ This module does not use a robot. It also tells how many motions, how much time 
 class `Hand` (hand.py) performs the motions.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -236,28 +236,26 @@ def reckon(
     x, y, z = motion.workspace.home or (*motion.workspace.rag[:2], motion.workspace.rag[2] + _HOME_RISE)
     home = np.array([x, y, max(z, motion.travel_height)])
     hand = _Hand(motion.workspace.travel_speed, tuple(home), pace)
-    table, after, dried = Timetable(), [], []
+    kinds = ("strokes", "dips", "washing", "changes", "travel", "looks", "drying")  # in the order of `Timetable.total`
+    spent: dict[str, Any] = dict.fromkeys(kinds, 0.0)
+    after, dried = [], []
 
-    def wash(table: Timetable, washing: tuple[Waypoints, ...]) -> Timetable:
-        for each in washing:
+    def make(motions: Iterable[Waypoints], kind: str) -> None:
+        for each in motions:
             way, work = hand.make(each)
-            table = replace(table, travel=table.travel + way, washing=table.washing + work)
-        return table
-
-    def change(table: Timetable, brush: str) -> Timetable:
-        for each in motion.change(held, brush):
-            way, work = hand.make(each)
-            table = replace(table, travel=table.travel + way, changes=table.changes + work)
-        return table
+            spent["travel"] += way
+            spent[kind] += work
 
     for number, part in enumerate(plan.filled_layers()):
         if number:  # the brush is cleaned, and the arm moves to its home position
-            table = wash(table, choreography.cleaning()) if load.paint is not None else table
+            make(choreography.cleaning() if load.paint is not None else (), "washing")
             load = BrushLoad()
-            table = replace(table, travel=table.travel + hand.aside(), drying=table.drying + drying)
+            spent["travel"] += hand.aside()
+            spent["drying"] += drying
         brush = part.layers[0].brush
         if motion.workspace.rack is not None and brush != held:
-            table, held = change(table, brush), brush
+            make(motion.change(held, brush), "changes")
+            held = brush
         here = choreography.with_brush(brush)
         places, lengths = _on_canvas(part, here)
         painting = _steadily(lengths, here.motion) if timing is None else _motion_by_motion(part, here.motion, pace)
@@ -265,18 +263,17 @@ def reckon(
         dips = {paint: motion.dip(paint) for paint in sorted(set(part.paint.tolist()))}
         for index, (paint, (dipped, after_stroke)) in enumerate(zip(part.paint.tolist(), loads, strict=True)):
             if dipped:
-                table = wash(table, here.cleaning_between(part, load.paint, paint))
-                way, work = hand.make(dips[paint])
-                table = replace(table, travel=table.travel + way, dips=table.dips + work)
+                make(here.cleaning_between(part, load.paint, paint), "washing")
+                make((dips[paint],), "dips")
             load = after_stroke
-            way = hand.across(places[index, 0], places[index, 1]) + pace.between
-            table = replace(table, travel=table.travel + way, strokes=table.strokes + painting[index])
-            after.append(table.total)
-            dried.append(table.drying)
+            spent["travel"] += hand.across(places[index, 0], places[index, 1]) + pace.between
+            spent["strokes"] += painting[index]
+            after.append(sum(spent.values()))
+            dried.append(spent["drying"])
             leaves = all(dipped for dipped, _ in loads[index + 1 : index + 2])  # also True at the end of a layer
             for _ in range(looks(len(after), leaves)):
-                table = replace(table, looks=table.looks + hand.aside() + _PHOTOGRAPH)
-    return replace(table, after=tuple(after), dried=tuple(dried))
+                spent["looks"] += hand.aside() + _PHOTOGRAPH
+    return Timetable(**spent, after=tuple(after), dried=tuple(dried))
 
 
 @dataclass(frozen=True)

@@ -15,21 +15,9 @@ import torch
 
 from frida_painter.errors import CameraError, FridaError, PaintingPaused, StorageError
 from frida_painter.hardware.robot import PausableRobot
+from frida_painter.session import events
 from frida_painter.session.choreography import Action
 from frida_painter.session.controls import Controls
-from frida_painter.session.events import (
-    BrushInHand,
-    Dipped,
-    Drying,
-    Durable,
-    MotionBegan,
-    Notify,
-    PaintsWanted,
-    PauseCause,
-    Paused,
-    StrokeLeftOut,
-    StrokePainted,
-)
 from frida_painter.session.hand import Hand
 from frida_painter.session.journal import Journal
 from frida_painter.session.observer import FrameDeveloper, Timelapse
@@ -40,7 +28,7 @@ from frida_painter.strokes.palette import Palette, to_hex
 
 _T = TypeVar("_T")
 _BETWEEN_PRESSES = 0.2  # seconds between two questions about the machine's pause button
-_REASONS: dict[PauseCause, str] = {
+_REASONS: dict[events.PauseCause, str] = {
     "person": "You asked for a pause: the brush is clean, the arm aside. You may paint on the canvas.",
     "button": "Somebody pressed the pause button of the machine; press it again to go on.",
     "turn": "It is your turn: paint what you like, then let the robot go on.",
@@ -59,7 +47,7 @@ class Interruptions:
     def __init__(
         self,
         hand: Hand,
-        notify: Notify,
+        notify: events.Notify,
         controls: Controls,
         painted: Callable[[], int],
         between: Callable[[], None] = lambda: None,
@@ -107,7 +95,7 @@ class Interruptions:
             except (StorageError, CameraError) as trouble:
                 self.pause(str(trouble), trouble=trouble)
 
-    def pause(self, reason: str, cause: PauseCause = "trouble", *, trouble: FridaError | None = None) -> None:
+    def pause(self, reason: str, cause: events.PauseCause = "trouble", *, trouble: FridaError | None = None) -> None:
         """Cleans the brush, moves the arm to its home position and waits until a person lets the painting go on.
 
         trouble: error that caused the pause, None if there is none.
@@ -117,7 +105,7 @@ class Interruptions:
             self._hand.clean()
         self._hand.step_aside()
         self.touched = True  # the person may paint on the canvas, before or after the answer
-        paused = Paused(reason, self._painted(), cause)
+        paused = events.Paused(reason, self._painted(), cause)
         self._notify(paused)
         if not self._go_on(paused):
             raise PaintingPaused(f"{reason} The painting has paused after {paused.done} strokes.") from trouble
@@ -133,9 +121,9 @@ class Desk(NamedTuple):
     journal: Journal
     interruptions: Interruptions
     progress: PaintingProgress
-    tell: Notify
+    tell: events.Notify
 
-    def note(self, event: Durable) -> None:
+    def note(self, event: events.Durable) -> None:
         """Writes an event that resuming needs, again after a pause if the disk fails, and then reports it."""
         self.interruptions.retry(partial(self.journal.tell, event))
         self.tell(event)
@@ -177,20 +165,20 @@ class BatchExecutor:
                 left = progress.plan.part(slice(progress.painted, end))
                 actions = self._hand.prepare(left, progress.painted, progress.strokes)
                 for action, following in itertools.zip_longest(actions, actions[1:]):
-                    leaves = following is None or isinstance(following.done, Dipped)
+                    leaves = following is None or isinstance(following.done, events.Dipped)
                     done = self._perform(action, frames, leaves=leaves)
                     if not done or self._hand.load is not action.load:
                         break
 
     def tone(self, ground: tuple[float, float, float]) -> None:
         """Reports the wanted ground (sRGB), and waits until the canvas has it."""
-        self._tell(PaintsWanted((to_hex(torch.tensor(ground)),), ground=True))
+        self._tell(events.PaintsWanted((to_hex(torch.tensor(ground)),), ground=True))
         self._hand.easel.operator.tone(ground)
         self._interruptions.touched = True
 
     def fill_wells(self, palette: Palette) -> None:
         """Reports the wanted paints, and waits until their wells are filled."""
-        self._tell(PaintsWanted(tuple(map(to_hex, palette.color))))
+        self._tell(events.PaintsWanted(tuple(map(to_hex, palette.color))))
         self._hand.easel.operator.fill_wells(palette)
 
     def change_brush(self, brush: str) -> bool:
@@ -207,11 +195,11 @@ class BatchExecutor:
                 self._change_in_rack(brush)
             else:
                 self._interruptions.retry(self.step_aside)
-                self._note(BrushInHand(None))
+                self._note(events.BrushInHand(None))
                 hand.change_brush(brush)
         if self._told != brush:
             self._told = brush
-            (self._tell if hand.has_rack else self._note)(BrushInHand(brush))
+            (self._tell if hand.has_rack else self._note)(events.BrushInHand(brush))
         return changes
 
     def put_brush_back(self) -> None:
@@ -220,15 +208,15 @@ class BatchExecutor:
             self.clean()
         if self._hand.has_rack:
             self._change_in_rack("", stoppable=False)
-            self._tell(BrushInHand(""))
+            self._tell(events.BrushInHand(""))
 
     def _change_in_rack(self, brush: str, *, stoppable: bool = True) -> None:
         """Changes the brush; each motion is noted before the robot gets it, and the held brush after it."""
         for motion, held in self._hand.changing(brush):
-            for noted in (BrushInHand(None), MotionBegan((motion.label,))):
+            for noted in (events.BrushInHand(None), events.MotionBegan((motion.label,))):
                 self._interruptions.retry(partial(self._journal.tell, noted))
             self._hand.move_brush(motion, held)
-            self._interruptions.retry(partial(self._journal.tell, BrushInHand(held)))
+            self._interruptions.retry(partial(self._journal.tell, events.BrushInHand(held)))
             if stoppable:
                 self._interruptions.check()
 
@@ -247,7 +235,7 @@ class BatchExecutor:
         while True:
             if left == 0 or told - left >= _BETWEEN_WORDS:
                 told = left
-                self._note(Drying(progress.painted, round(left, 1)))
+                self._note(events.Drying(progress.painted, round(left, 1)))
             progress.wet = left
             self._interruptions.check()
             if left == 0:
@@ -270,12 +258,12 @@ class BatchExecutor:
     def clean(self) -> None:
         """Notes the cleaning in the journal, then rinses and wipes the brush."""
         what = tuple(motion.label for motion in self._hand.cleaning())
-        self._interruptions.retry(partial(self._journal.tell, MotionBegan(what)))
+        self._interruptions.retry(partial(self._journal.tell, events.MotionBegan(what)))
         self._hand.clean()
 
     def step_aside(self) -> None:
         """Moves the arm out of the camera's view. Raises StorageError if the journal cannot note it."""
-        self._journal.tell(MotionBegan(("home",)))
+        self._journal.tell(events.MotionBegan(("home",)))
         self._hand.step_aside()
 
     def _perform(self, action: Action, frames: FrameDeveloper, *, leaves: bool) -> bool:
@@ -291,16 +279,16 @@ class BatchExecutor:
         done = self._hand.perform(action)
         self._interruptions.retry(partial(self._journal.tell, done))
         self._tell(done)
-        if isinstance(done, StrokeLeftOut):
+        if isinstance(done, events.StrokeLeftOut):
             self._progress.canvas.left_out.add(done.done - 1)
-        if not isinstance(done, Dipped):
+        if not isinstance(done, events.Dipped):
             self._progress.painted = done.done
-            if isinstance(done, StrokePainted):
+            if isinstance(done, events.StrokePainted):
                 self._film(done, frames, leaves=leaves)
             self._interruptions.check(before_pause=frames.wait)  # a pause shows the current canvas
         return True
 
-    def _film(self, painted: StrokePainted, frames: FrameDeveloper, *, leaves: bool) -> None:
+    def _film(self, painted: events.StrokePainted, frames: FrameDeveloper, *, leaves: bool) -> None:
         """Takes the film's next frame if it is due; a camera sees the canvas only with the arm at home."""
         done, has_camera = painted.done, self._hand.easel.has_camera
         of = self._progress.most or painted.of

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
+from PIL import Image
 from torch import Tensor
 
 from frida_painter.brush.kinds import brush_kind
@@ -57,11 +57,6 @@ class HandStroke:
     pressure: NDArray[np.float64]
 
     @property
-    def name(self) -> str:
-        """Name for a title, such as "Stroke 12"."""
-        return self.label.capitalize()
-
-    @property
     def number(self) -> str:
         """Number as text, such as "12"."""
         return self.label.split()[-1]
@@ -77,7 +72,7 @@ class HandStroke:
         (x, y), (end_x, end_y) = self.path[0] * 100, self.path[-1] * 100
         length = 100 * float(np.linalg.norm(np.diff(self.path, axis=0), axis=1).sum())
         return (
-            self.name + ("" if self.paint is None else f" with paint {self.paint + 1}"),
+            self.label.capitalize() + ("" if self.paint is None else f" with paint {self.paint + 1}"),
             f"Begin {x:.1f} cm from the left and {y:.1f} cm from the bottom, end at {end_x:.1f} and {end_y:.1f} cm.",
             f"{length:.1f} cm long, {_LEVELS[self.level]}.",
         )
@@ -106,61 +101,45 @@ def hand_sheet(
     width: width of the mark of the hardest press, in metres.
     Each stroke begins at its ring and ends at its arrow, and its line is as wide as its mark.
     """
-    rows, columns = seen.shape[1:]
-    size = (columns + 2 * _MARGIN, rows + _HEAD + _MARGIN)
-    sheet = Sheet(size[0] * _SHARP, size[1] * _SHARP, CREAM)
-    faded = Image.fromarray(images.to_uint8(1 - (1 - seen) * _FADED))
-    sheet.paste(
-        faded.resize((columns * _SHARP, rows * _SHARP), Image.Resampling.BICUBIC), (_MARGIN * _SHARP, _HEAD * _SHARP)
-    )
-    pen = _Pen(sheet.draw, canvas, rows, columns, width)
+    pen = _Pen(canvas, seen, width)
     pen.ruler()
     for stroke in done:
         pen.mark(stroke, _FADED)
     for stroke in strokes:
-        pen.outline(stroke)
+        pen.mark(stroke, edges=((2.5, CREAM), (1.2, INK)))  # a dark and a light edge are visible on any ground
     if len(strokes) == 1:
         pen.guides(strokes[0])
         pen.gauge(strokes[0])
     for stroke in strokes:
         pen.ends(stroke, stroke.number if len(strokes) > 1 else "")
     pen.head(strokes[0].color, heading, room=0 if len(strokes) > 1 else 220)
-    return images.from_uint8(np.asarray(sheet.shrink(*size)))
+    columns, rows = (side // _SHARP for side in pen.sheet.image.size)
+    return images.from_uint8(np.asarray(pen.sheet.shrink(columns, rows)))
 
 
-@dataclass(frozen=True)
 class _Pen:
     """Drawing tool of the sheet; lengths and places are in pixels of the final sheet, or in metres of the canvas."""
 
-    draw: ImageDraw.ImageDraw
-    canvas: CanvasSize
-    rows: int
-    columns: int
-    width: float
+    def __init__(self, canvas: CanvasSize, seen: Tensor, width: float) -> None:
+        self.canvas, self.width = canvas, width
+        self.rows, self.columns = seen.shape[1:]
+        self.scale = self.rows / canvas.height  # pixels per metre
+        self.sheet = Sheet((self.columns + 2 * _MARGIN) * _SHARP, (self.rows + _HEAD + _MARGIN) * _SHARP, CREAM)
+        self.draw = self.sheet.draw
+        faded = Image.fromarray(images.to_uint8(1 - (1 - seen) * _FADED))
+        larger = faded.resize((self.columns * _SHARP, self.rows * _SHARP), Image.Resampling.BICUBIC)
+        self.sheet.paste(larger, (_MARGIN * _SHARP, _HEAD * _SHARP))
 
-    @property
-    def scale(self) -> float:
-        """Pixels per metre."""
-        return self.rows / self.canvas.height
-
-    def at(self, point: NDArray[np.float64]) -> tuple[float, float]:
+    def at(self, point: Sequence[float] | NDArray[np.float64]) -> tuple[float, float]:
         """Returns a place on the canvas as (column, row)."""
         return _MARGIN + float(point[0]) * self.scale, _HEAD + self.rows - float(point[1]) * self.scale
 
-    def outline(self, stroke: HandStroke) -> None:
-        """Draws a stroke in its colour with a dark and a light edge, visible on any ground."""
-        for grown, fill in ((2.5, CREAM), (1.2, INK)):
-            self._line(stroke, grown, fill)
-        self.mark(stroke)
-
-    def mark(self, stroke: HandStroke, strength: float = 1.0) -> None:
-        """Draws a stroke in its colour."""
-        self._line(stroke, 0.0, _bytes(stroke.color, strength))
-
-    def _line(self, stroke: HandStroke, grown: float, fill: _Color) -> None:
-        for (x, y), pressure in zip(_densely(stroke.path), _densely(stroke.pressure), strict=True):
-            radius = max(1.5, self.scale * self.width * (0.25 + 0.75 * float(pressure)) / 2) + grown
-            self._disc(self.at(np.array((x, y))), radius, fill)
+    def mark(self, stroke: HandStroke, strength: float = 1.0, edges: Sequence[tuple[float, _Color]] = ()) -> None:
+        """Draws a stroke in its colour, over edges that are wider by so many pixels."""
+        for grown, fill in (*edges, (0.0, _bytes(stroke.color, strength))):
+            for place, pressure in zip(_densely(stroke.path), _densely(stroke.pressure), strict=True):
+                radius = max(1.5, self.scale * self.width * (0.25 + 0.75 * float(pressure)) / 2) + grown
+                self._disc(self.at(place), radius, fill)
 
     def ends(self, stroke: HandStroke, number: str) -> None:
         """Draws a ring, with the number, at the start of a stroke, and an arrow at its end."""
@@ -186,8 +165,11 @@ class _Pen:
         """Draws dashed lines from the start of a stroke to both rulers, with the values there."""
         x, y = self.at(stroke.path[0])
         bottom = _HEAD + self.rows
-        for start, end in (((x, y), (x, bottom)), ((x, y), (_MARGIN, y))):
-            self._dashes(start, end)
+        for end in ((x, bottom), (_MARGIN, y)):
+            count = max(1, int(math.dist((x, y), end) / 12))
+            for near, far in ((dash / count, (dash + 0.6) / count) for dash in range(count)):
+                places = [(x + (end[0] - x) * part, y + (end[1] - y) * part) for part in (near, far)]
+                self._stroke(places[0], places[1], _MARK)
         for (left, top), metres in (((x, bottom + 23), stroke.path[0][0]), ((_MARGIN - 31, y), stroke.path[0][1])):
             self._box((left - 24, top - 11, left + 24, top + 11), 5, _MARK)
             self._text((left, top), f"{100 * metres:.1f}", 15, CREAM, "mm")
@@ -206,9 +188,10 @@ class _Pen:
         self._box((_MARGIN, 26, _MARGIN + 92, 118), 12, _bytes(color), LINE)
         left = _MARGIN + 108
         most = _MARGIN + self.columns - left - room
-        self._text((left, 20), heading[0], self._fitting(heading[0], most, 30), INK, "la")
-        for row, text in enumerate(heading[1:]):
-            self._text((left, 60 + 23 * row), text, self._fitting(text, most, 17), SOFT, "la")
+        places = [(20, 30, INK), *((60 + 23 * row, 17, SOFT) for row in range(3))]
+        for text, (top, largest, ink) in zip(heading, places, strict=False):
+            size = min(largest, largest * most / max(font(largest).getlength(text), 1.0))  # no wider than `most`
+            self._text((left, top), text, size, ink, "la")
 
     def ruler(self) -> None:
         """Draws centimetres from the left and from the bottom, every fifth with its number."""
@@ -240,19 +223,8 @@ class _Pen:
     def _stroke(self, start: tuple[float, float], end: tuple[float, float], color: _Color) -> None:
         self.draw.line((*self._sharp(start), *self._sharp(end)), fill=color, width=_SHARP)
 
-    def _dashes(self, start: tuple[float, float], end: tuple[float, float]) -> None:
-        way = np.array(end) - np.array(start)
-        count = max(1, int(float(np.linalg.norm(way)) / 12))
-        for dash in range(count):
-            near, far = (np.array(start) + way * part / count for part in (dash, dash + 0.6))
-            self._stroke((float(near[0]), float(near[1])), (float(far[0]), float(far[1])), _MARK)
-
     def _text(self, at: tuple[float, float], text: str, size: float, fill: _Color, anchor: str) -> None:
         self.draw.text(self._sharp(at), text, fill=fill, font=font(size * _SHARP), anchor=anchor)
-
-    def _fitting(self, text: str, width: float, largest: int) -> float:
-        """Returns the largest font size, at most `largest`, in which a text is no wider than `width`."""
-        return min(largest, largest * width / max(font(largest).getlength(text), 1.0))
 
     @staticmethod
     def _sharp(point: Sequence[float] | NDArray[np.float64]) -> tuple[float, float]:

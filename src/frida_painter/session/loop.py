@@ -45,7 +45,7 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.observer import CanvasObserver, FrameDeveloper, Timelapse, has_ground
 from frida_painter.session.open_loop import ExpectedFrames, OpenLoopMonitor
 from frida_painter.session.plan_keeper import ExecutionMonitor, PlanKeeper
-from frida_painter.session.progress import Painting, PaintingProgress, ResumeState
+from frida_painter.session.progress import Painting, PaintingProgress
 from frida_painter.session.replan_policy import ReplanPolicy
 from frida_painter.strokes.palette import to_hex
 from frida_painter.strokes.plan import WHITE, Plan
@@ -129,7 +129,7 @@ class PaintingSession:
         """
         return self._to_the_end(lambda: self._begin(strokes, colors, plan))
 
-    def resume(self, where: ResumeState) -> Painting:
+    def resume(self, where: PaintingProgress) -> Painting:
         """Paints the rest of a painting, with a clean brush and newly filled wells."""
         return self._to_the_end(lambda: self._begin_again(where))
 
@@ -271,7 +271,7 @@ class PaintingSession:
             canvas = self.look()
         return canvas
 
-    def _begin_again(self, where: ResumeState) -> None:
+    def _begin_again(self, where: PaintingProgress) -> None:
         self._progress.go_on_from(where)
         self._began_at = self.hand.last_motion
         self._plans.schedule()

@@ -42,10 +42,6 @@ def has_ground(canvas: Tensor, ground: Color) -> bool:
     return is_evenly(canvas, ground, min(TOLERANCE, max(_SURE, from_white / 2)))
 
 
-def _never(sentence: str, canvas: Tensor) -> bool:
-    return False
-
-
 @dataclass(frozen=True)
 class CanvasStart:
     """Allowed start of a painting.
@@ -58,7 +54,7 @@ class CanvasStart:
 
     ground: Color = WHITE
     on_canvas: bool = False
-    paint_on: Callable[[str, Tensor], bool] = _never
+    paint_on: Callable[[str, Tensor], bool] = lambda sentence, canvas: False
 
     def light(self, photograph: NDArray[np.uint8], picture: Tensor, easel: Easel) -> FlatField:
         """Returns the light in the room, from the first photograph [H, W, 3] and the rectified canvas in it [3, h, w].

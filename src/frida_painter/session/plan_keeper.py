@@ -326,8 +326,9 @@ class ExecutionMonitor:
         """
         if self._progress.remark:
             return self._interruptions.retry(self._glance)
+        is_last = self._progress.is_complete and self._hand.easel.simulated
         try:
-            return self._interruptions.retry(self._last_look if self._is_last_and_simulated else self._look)
+            return self._interruptions.retry(self._last_look if is_last else self._look)
         except PaintingPaused as nobody:
             if not (self._progress.is_complete and isinstance(nobody.__cause__, CameraError)):
                 raise
@@ -376,8 +377,8 @@ class ExecutionMonitor:
     def _look(self) -> Tensor:
         self._executor.step_aside()
         expected, progress = None, self._progress
-        if progress.plan is not None and not self._interruptions.touched:  # else a person may have touched the canvas
-            expected = progress.canvas.expectation(self._plans.planner, progress.plan, progress.painted)
+        if not self._interruptions.touched:  # else a person may have touched the canvas
+            expected = progress.expectation(self._plans.planner)
         try:
             frame, canvas = self._observer.examine(
                 self._hand.last_motion, PHOTOGRAPH_ROWS, expected, doubtful=self._looked_after == progress.painted
@@ -388,10 +389,6 @@ class ExecutionMonitor:
         self._journal.record_look(frame, self._observer.light)
         self._interruptions.touched = progress.person_unseen = False
         return canvas
-
-    @property
-    def _is_last_and_simulated(self) -> bool:
-        return self._progress.is_complete and self._hand.easel.simulated
 
     def _last_look(self) -> Tensor:
         """Looks after the last stroke on a simulated easel, which has nobody to ask."""

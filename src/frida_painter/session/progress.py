@@ -1,6 +1,7 @@
-"""State of a painting: its progress, the state to resume from, and its result."""
+"""State of a painting: its progress, and its result."""
 
 from dataclasses import dataclass, field
+from typing import Any, Self
 
 from torch import Tensor
 
@@ -36,17 +37,6 @@ class CanvasMemory:
         """Stores the canvas [3, H, W] of a look, with `painted` strokes of the plan on it."""
         self.before, self.strokes = canvas, painted
 
-    def batch(self, plan: Plan, painted: int) -> Plan:
-        """Returns the strokes painted since the last look; `painted` strokes of the plan are done."""
-        return plan.part([index for index in range(self.strokes, painted) if index not in self.left_out])
-
-    def expectation(self, planner: Planner, plan: Plan, painted: int) -> Expected | None:
-        """Returns the expected canvas; None before the first look."""
-        if self.before is None:
-            return None
-        batch = self.batch(plan, painted)
-        return Expected(self.before, planner.expected(batch, self.before) if len(batch) else self.before)
-
 
 def difference(seen: Tensor, expected: Tensor) -> float:
     """Returns the mean difference of two pictures [3, H, W], over pixels and channels, at the second one's size."""
@@ -75,33 +65,6 @@ class Painting:
         rows, columns = self.photograph.shape[1:]
         left = "no plan" if self.rest is None else f"{len(self.rest)} strokes left"
         return f"Painting({self.painted} strokes painted, {left}, photograph of {columns} x {rows} pixels)"
-
-
-@dataclass(frozen=True)
-class ResumeState:
-    """State of a painting that broke off.
-
-    plan: plan of all its strokes; `painted` of them are on the canvas.
-    planned_at: number of painted strokes when the plan was made.
-    before: canvas [3, H, W] at that time, None if unknown.
-    now: current canvas.
-    wet: seconds that the last layer still dries, None if drying did not begin.
-    left_out: indices of strokes before `painted` that are not on the canvas.
-    person: number of strokes of a person on the canvas.
-    person_unseen: True if some of them were painted after the last look.
-    answers: True if the rest of the plan answers a person, and is not on the way to the goal.
-    """
-
-    plan: Plan
-    painted: int
-    planned_at: int
-    before: Tensor | None
-    now: Tensor
-    wet: float | None = None
-    left_out: frozenset[int] = frozenset()
-    person: int = 0
-    person_unseen: bool = False
-    answers: bool = False
 
 
 @dataclass
@@ -164,7 +127,15 @@ class PaintingProgress:
     @property
     def batch(self) -> Plan:
         """Strokes painted since the last look. Raises PlanError before the first plan."""
-        return self.canvas.batch(self._known_plan, self.painted)
+        since, left_out = range(self.canvas.strokes, self.painted), self.canvas.left_out
+        return self._known_plan.part([index for index in since if index not in left_out])
+
+    def expectation(self, planner: Planner) -> Expected | None:
+        """Returns the expected canvas; None before the first look, and before the first plan."""
+        if (before := self.canvas.before) is None or self.plan is None:
+            return None
+        batch = self.batch
+        return Expected(before, planner.expected(batch, before) if len(batch) else before)
 
     @property
     def begins_layer(self) -> bool:
@@ -196,14 +167,25 @@ class PaintingProgress:
         """Returns the plan of all strokes: the painted ones, then `rest`."""
         return rest if self.plan is None or self.painted == 0 else self.plan.part(slice(self.painted)).followed_by(rest)
 
-    def go_on_from(self, where: ResumeState) -> None:
-        """Restores the progress of a painting that broke off."""
-        self.plan, self.painted, self.planned_at = where.plan, where.painted, where.planned_at
-        self.resumed_at = where.painted
-        self.wet, self.dried_at = (None, where.painted) if where.wet == 0 else (where.wet, 0)
-        self.person, self.person_unseen, self.answers = where.person, where.person_unseen, where.answers
-        seen = (where.now, where.painted) if where.before is None else (where.before, where.planned_at)
-        self.canvas = CanvasMemory(*seen, set(where.left_out))
+    @classmethod
+    def resume(
+        cls, plan: Plan, painted: int, planned_at: int, before: Tensor | None, now: Tensor, wet: float | None = None,
+        left_out: frozenset[int] = frozenset(), person: int = 0, person_unseen: bool = False, answers: bool = False,
+    ) -> Self:  # fmt: skip
+        """Returns the progress of a painting that broke off.
+
+        plan: plan of all its strokes; `painted` of them are on the canvas.
+        before: canvas [3, H, W] when the plan was made, None if unknown. now: current canvas.
+        left_out: indices of strokes before `painted` that are not on the canvas.
+        """
+        wet, dried_at = (None, painted) if wet == 0 else (wet, 0)
+        seen = (now, painted) if before is None else (before, planned_at)
+        known: dict[str, Any] = {"person": person, "person_unseen": person_unseen, "answers": answers}
+        return cls(plan, painted, planned_at, dried_at, wet, painted, None, CanvasMemory(*seen, set(left_out)), **known)
+
+    def go_on_from(self, resumed: Self) -> None:
+        """Takes up the progress of the same painting before it broke off."""
+        vars(self).update(vars(resumed), most=self.most)
 
     def as_painting(self, photograph: Tensor, robot_seconds: float = 0.0) -> Painting:
         """Returns the result so far, with a photograph of the canvas [3, H, W]."""

@@ -89,59 +89,46 @@ class EvenlySpaced:
 
 @dataclass(frozen=True)
 class EveryNth:
-    """Looks and replans after every `strokes` strokes."""
+    """Looks after every `strokes` strokes; replans always, or only if the canvas error exceeds the given `tolerance`.
+
+    tolerance: limit of CanvasSeen.error, in [0, 1]. None: it always replans.
+    """
 
     strokes: int
+    tolerance: float | None = None
 
     def __post_init__(self) -> None:
         _require_count("strokes between two looks", self.strokes, 1)
+        if not 0 <= (self.tolerance or 0) <= 1:
+            raise ConfigError(f"A tolerance of {self.tolerance} was given; it is from 0 to 1, such as 0.02.")
 
     @classmethod
     def parse(cls, argument: str) -> Self:
         """Parses a number such as "75". Raises ConfigError."""
         return cls(_whole("strokes between two looks", argument))
 
-    def next_look(self, done: int, of: int) -> int:
-        """Returns the next multiple of `strokes`."""
-        return min(of, (done // self.strokes + 1) * self.strokes)
-
-    def wants_replan(self, seen: CanvasSeen) -> bool:
-        """Returns True."""
-        return True
-
-
-@dataclass(frozen=True)
-class WhenOffBy:
-    """Looks after every `strokes` strokes, and replans only if the canvas error exceeds `tolerance`.
-
-    tolerance: limit of CanvasSeen.error, in [0, 1].
-    """
-
-    tolerance: float
-    strokes: int = 10
-
-    def __post_init__(self) -> None:
-        if not 0 <= self.tolerance <= 1:
-            raise ConfigError(f"A tolerance of {self.tolerance} was given; it is from 0 to 1, such as 0.02.")
-        _require_count("strokes between two looks", self.strokes, 1)
-
     @classmethod
-    def parse(cls, argument: str) -> Self:
-        """Parses "0.02", or "0.02,25" with the strokes between looks. Raises ConfigError."""
+    def when_off_by(cls, argument: str) -> Self:
+        """Parses a tolerance such as "0.02", or "0.02,25" with the strokes between looks. Raises ConfigError."""
         tolerance, comma, strokes = argument.partition(",")
         try:
             off = float(tolerance)
         except ValueError:
             raise ConfigError(f"A tolerance of {tolerance[:40]!r} was given; it is from 0 to 1.") from None
-        return cls(off, _whole("strokes between two looks", strokes)) if comma else cls(off)
+        return cls(_whole("strokes between two looks", strokes) if comma else _FIRST, off)
+
+    @classmethod
+    def never(cls) -> Self:
+        """Returns the policy without a camera: the plan is painted as it is."""
+        return cls(_MAX, 1.0)
 
     def next_look(self, done: int, of: int) -> int:
         """Returns the next multiple of `strokes`."""
         return min(of, (done // self.strokes + 1) * self.strokes)
 
     def wants_replan(self, seen: CanvasSeen) -> bool:
-        """Returns True if the error exceeds the tolerance."""
-        return not seen.error <= self.tolerance
+        """Returns True if the error exceeds the tolerance, or if there is none."""
+        return self.tolerance is None or not seen.error <= self.tolerance
 
 
 @dataclass
@@ -183,19 +170,6 @@ class WhenItPays:
             self.between = min(max(between, _FIRST), _MAX)
         self.since = seen.done
         return True
-
-
-@dataclass(frozen=True)
-class NeverLooks:
-    """Policy of an easel without a camera: the plan is painted as it is."""
-
-    def next_look(self, done: int, of: int) -> int:
-        """Returns the end of the painting."""
-        return of
-
-    def wants_replan(self, seen: CanvasSeen) -> bool:
-        """Returns False: nothing is known that the plan did not know."""
-        return False
 
 
 def looks_on_the_way(policy: ReplanPolicy, strokes: int) -> list[int]:

@@ -140,18 +140,14 @@ def region(folder: Path, state: PaintingState) -> Region | None:
     return region_of(images.load(folder / REGIONS / str(state.region.drawing)), only_inside=state.region.only)
 
 
-def bare_photograph(folder: Path) -> NDArray[np.uint8] | None:
-    """Returns the first photograph, with which later ones are compared; None if it is lost."""
-    try:
-        return images.load_exactly(folder / PHOTOGRAPHS / "look-0000.png")
-    except ImageError:
-        return None
+BARE = f"{PHOTOGRAPHS}/look-0000.png"
+"""First photograph, with which later ones are compared."""
 
 
-def last_photograph(folder: Path, state: PaintingState) -> NDArray[np.uint8] | None:
-    """Returns the last photograph for a decision; None if there is none, or if it is lost."""
+def load_photograph(folder: Path, name: str | None) -> NDArray[np.uint8] | None:
+    """Returns a photograph [H, W, 3] of the painting; None if there is none, or if it is lost."""
     try:
-        return None if state.last_photograph is None else images.load_exactly(folder / state.last_photograph)
+        return None if name is None else images.load_exactly(folder / name)
     except ImageError:
         return None
 
@@ -172,27 +168,23 @@ def last_canvas(folder: Path, state: PaintingState, size: CanvasSize, calibratio
     """
     if state.assumed is not None and storage.exists(folder / state.assumed):
         return images.load(folder / state.assumed)
-    seen = (
-        None if state.last_photograph is None else load_canvas(folder / state.last_photograph, state, size, calibration)
-    )
+    seen = load_canvas(folder, state.last_photograph, state, size, calibration)
     return images.load(folder / "painting.png") if seen is None else seen
 
 
-def first_canvas(folder: Path, state: PaintingState, size: CanvasSize, calibration: Path) -> Tensor | None:
-    """Returns the canvas [3, H, W] before the first stroke; None if its photograph is lost."""
-    began = next((planning.photograph for planning in state.plannings if planning.done == 0), None)
-    return None if began is None else load_canvas(folder / began, state, size, calibration)
-
-
-def load_canvas(photograph: Path, state: PaintingState, size: CanvasSize, calibration: Path) -> Tensor | None:
-    """Returns the canvas in a photograph of the painting.
+def load_canvas(
+    folder: Path, name: str | None, state: PaintingState, size: CanvasSize, calibration: Path
+) -> Tensor | None:
+    """Returns the canvas [3, H, W] in a photograph of the painting.
 
     None if the photograph, the record or the light is unknown.
     """
     known_light = light(state)
+    if (taken := load_photograph(folder, name)) is None:
+        return None
     try:
-        taken, known = images.load_exactly(photograph), Calibration.load(calibration)
-    except (ImageError, CalibrationError):
+        known = Calibration.load(calibration)
+    except CalibrationError:
         return None
     if known.camera == NO_CAMERA:  # its pictures show the canvas alone, in true colours
         return images.from_uint8(taken)
@@ -203,13 +195,10 @@ def load_canvas(photograph: Path, state: PaintingState, size: CanvasSize, calibr
 
 def load_seen_canvas(folder: Path, kept: KeptPlan, observer: CanvasObserver) -> Tensor | None:
     """Returns the canvas [3, H, W] that the plan was made for, from its photograph; None if that is lost."""
-    if kept.planning.photograph is None:
-        return None
-    try:
-        photograph = images.load_exactly(folder / kept.planning.photograph)
-        return observer.see(photograph, PHOTOGRAPH_ROWS)
-    except (ImageError, FrameRejected):
-        return None
+    photograph = load_photograph(folder, kept.planning.photograph)
+    with contextlib.suppress(FrameRejected):
+        return None if photograph is None else observer.see(photograph, PHOTOGRAPH_ROWS)
+    return None
 
 
 def resume_open_loop(
