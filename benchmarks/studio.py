@@ -33,7 +33,8 @@ from frida_painter.session.events import Stopped
 from frida_painter.system import python_process
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable
 from frida_painter_lab.runs import Run
-from frida_painter_studio.studio_folder import Feed, PaintingFolder
+from frida_painter_studio.at_page import Feed
+from frida_painter_studio.studio_folder import PaintingFolder
 
 WATCHING, DEAF = 20, 5
 
@@ -134,7 +135,7 @@ class Crowd:
 
 def told_after(crowd: Crowd, folder: PaintingFolder, count: int) -> list[float]:
     """Milliseconds from a line of the feed to every watching client."""
-    feed, delays = Feed(folder), []
+    feed, delays = Feed(folder.path), []
     for number in range(count):
         mark, at = f"mark-{number}", time.monotonic()
         feed.tell(Stopped(mark))

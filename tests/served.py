@@ -18,7 +18,7 @@ from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
 
-from frida_painter_studio.stop import StopWatch
+from frida_painter_studio.at_page import StopWatch
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import WorkerLock
 

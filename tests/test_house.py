@@ -109,14 +109,14 @@ DELETING = {
     "runs/look_folder.py": 1,  # moves a picture beside others of its name
     # pictures that its record names; a canvas without pictures; empty folders
     "frida_painter_words/picture_makers/making.py": 5,
-    "runs/run.py": 3,  # empty folders; a stop file that came too late
+    "runs/run.py": 3,  # empty folders; a stop file of another sitting
     "frida_painter_drivers/sawyer/arm_film.py": 1,  # the end of the film, which it just made
     "system/storage.py": 2,  # temporary files, named by PART
     "frida_painter_studio/side_jobs.py": 1,  # copies for the page, named by a random name of 24 digits
     "frida_painter_studio/server.py": 1,  # the links of the studio that closes
     "frida_painter_studio/stop.py": 2,  # its own key in the making, and the socket
     "frida_painter_studio/store.py": 1,  # the folder of a painting, on a person's word
-    "frida_painter_studio/studio_folder.py": 2,  # a lock; a stop file that came too early
+    "frida_painter_studio/studio_folder.py": 1,  # a lock
     "frida_painter_cli/leading.py": 1,  # the pause file, when a person at a page goes on
     "frida_painter_studio/web_studio.py": 5,  # stop files
     "frida_painter_together/asking.py": 1,  # pictures with random names that it made itself

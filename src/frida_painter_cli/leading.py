@@ -24,7 +24,7 @@ from frida_painter.runs.painting_folder import NOW
 from frida_painter.runs.run import PaintingRun, RunOutcome
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.controls import answer_usually
-from frida_painter.session.events import Event, PauseCause, Paused, WentOn
+from frida_painter.session.events import Event, PauseCause, Paused, Stopped, WentOn
 from frida_painter.session.fold import ENDS, PaintingState, require_journal
 from frida_painter.session.time_left import duration
 from frida_painter.system import locks, storage
@@ -38,19 +38,22 @@ PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
 _GLANCE = 0.2  # seconds between two looks at pause file, inbox and terminal
 
 _lead_from_pages = Later("frida_painter_together.conductor:Conductor.lead")
+_add_results = Later("frida_painter_together.plan_pictures:add_results")
 _open_proposer = Later("frida_painter_together.proposing:Proposer")
 
 
 class Leader:
     """Leads a run with an open easel, in a `with` block, then reports the result.
 
-    As soon as a page writes into the inbox of the painting, its commands are done too.
+    As soon as a page writes into the inbox of the painting, its commands are done too. If people at a page lead it,
+    they answer the questions, too.
 
     asked: True if a person answers questions.
     asks_for_paints: True if the person may enter the mixed paints.
     repaint: decision about a stroke in doubt. None: the person is asked.
     propose: picture maker for changes by words. None: none is wanted.
     started: start time of the command, monotonic seconds.
+    led: lead of the people at a page (frida_painter_studio.at_page.PageLead). None: nobody is there.
     """
 
     def __init__(
@@ -63,15 +66,15 @@ class Leader:
         asks_for_paints: bool = False,
         repaint: bool | None = None,
         propose: str | None = None,
+        led: Any = None,
     ) -> None:
         ask = partial(ask_at_terminal, stop_asked=lambda: stop.asked)
-        yes = partial(confirm, default=True, ask=ask)
-        self._proposer = None if propose is None else _open_proposer(run, propose, lambda: stop.asked, ask, yes)
+        self._proposer = None if propose is None else _open_proposer(run, propose, ask)
         self._conductor: Any = None  # of the people at a page, once there is one
         self._held = False  # in a pause: by the pause file
         self._asks = False  # in a pause: the person at the terminal
         self._run, self._stop, self._started = run, stop, started
-        self._asked, self._repaint = asked, repaint
+        self._asked, self._repaint, self._led = asked, repaint, led
         self._console = Console(stderr=True, highlight=False)
         self._bar = PaintingLine(self._console, lambda: run.painting)
         self._over = threading.Event()
@@ -88,6 +91,16 @@ class Leader:
             repaint=self._repaints,
             adapt=lambda turn: (self._conductor.adapt_alone if self._conductor else answer_usually)(turn),
         )
+        if led is not None or self._proposer is not None:
+            leads: Any = self._lead_from_page(time.time() if led is None else led.began)
+            if led is None:
+                leads.ask = self._answer
+            else:
+                run.controls = replace(run.controls, answer=leads.ask, paint_on=leads.paint_on, repaint=leads.repaint)
+                run.finish = partial(_add_results, run)
+            if self._proposer is not None:
+                run.listeners.append(self._proposer.hear)
+            return
         hearing = threading.Thread(target=self._await_page, args=(time.time(),), daemon=True, name="inbox")
         hearing.start()
         hearing.join(None if storage.exists(run.folder / INBOX) else 0.0)  # what is owed is done before a stroke
@@ -107,6 +120,8 @@ class Leader:
         """Reports the result; then exits with the stop's exit status, or raises the error that ended the run."""
         spec = self._run.spec
         tell(outcome, spec.strokes, time.monotonic() - self._started, watched=spec.has_camera)
+        if self._led is not None and outcome.page is None:  # no journal tells that it was stopped before the first plan
+            self._led.feed.tell(Stopped())
         if self._stop.asked and (outcome.trouble is None or isinstance(outcome.trouble, RobotStopped)):
             sys.exit(self._stop.exit_status)
         if outcome.trouble is not None:
@@ -117,7 +132,11 @@ class Leader:
         while not storage.exists(self._run.folder / INBOX):
             if self._over.wait(_GLANCE):
                 return
+        self._lead_from_page(since)
+
+    def _lead_from_page(self, since: float) -> Any:
         self._conductor = _lead_from_pages(self._run, self._is_stopped, self._heed, since, self._is_let_go_on)
+        return self._conductor
 
     def _is_stopped(self) -> bool:
         return self._stop.asked or self._run.is_stopped
@@ -173,10 +192,13 @@ class Leader:
                 return None
             self._asks = bool(sys.stdin.readline())  # else the terminal was closed
             return self._asks or None
-        if self._proposer is not None and self._proposer.wants_pause():
+        if self._proposer is not None and self._proposer.has_word():
             with self._bar.aside():
-                self._proposer.talk()
-            return not self._stop.asked
+                command = self._proposer.find_command()
+            if command is None:
+                return True
+            self._conductor.do(command)
+            return None
         if self._conductor is not None or paused.cause == "button":
             return None
         return paused.cause == "person"  # the pause file is gone already; else nobody is here, and it is resumed later
@@ -229,10 +251,11 @@ def answer_early(run: PaintingRun) -> Callable[[Question], Answer]:
     return lambda question: terminal_at(run.folder).answer(question)
 
 
-def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -> float | None:
+def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None, led: Any = None) -> float | None:
     """Opens the planner, and prints the choices, the networks in use and remarks; returns the time of a plan if known.
 
     out: folder to be made later, checked before any work.
+    led: as in `Leader`; its page, too, is told of waits.
     Raises StorageError if the folder cannot be made, Interrupted after a stop.
     """
     if out is not None:
@@ -243,7 +266,14 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None) -
         if stop.asked:
             raise Interrupted("You stopped before there was a plan; nothing was painted.")
 
-    run.heed, run.tell = heed, lambda sentence: print(sentence, file=sys.stderr)
+    def say_wait(sentence: str) -> None:
+        print(sentence, file=sys.stderr)
+        if led is not None:
+            led.feed.say(sentence)
+
+    run.heed, run.tell = heed, say_wait
+    if led is not None:
+        led.stop.then(stop.stop_now)
     encoders = run.planner.encoders
     for choice in encoders.choices:
         better = f" (better: {choice.better})" if choice.better else ""
@@ -271,12 +301,12 @@ def say(*lines: str) -> None:
         print(line)
 
 
-def confirm(question: str, *, default: bool, ask: Callable[[str], str] | None = None) -> bool:
+def confirm(question: str, *, default: bool) -> bool:
     """Asks at the terminal until the answer is yes, no or empty. Raises Interrupted if nobody answers."""
     choice = "[Y/n]" if default else "[y/N]"
     while True:
         try:
-            answer = (ask or input)(f"{question} {choice} ").strip().lower()
+            answer = input(f"{question} {choice} ").strip().lower()
         except (EOFError, KeyboardInterrupt) as end:
             raise Interrupted("Nobody answered, and nothing was painted; for scripts there is --yes.") from end
         if answer in ("", "y", "yes", "n", "no"):

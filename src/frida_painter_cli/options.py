@@ -178,7 +178,7 @@ class Wells:
 
 
 TAKEN = frozenset(RunSpec.model_fields) - {"goal"} | {
-    *("photo", "settings", "out", "ask", "yes", "candidates", "brush", "help_all"),
+    *("photo", "settings", "out", "ask", "yes", "candidates", "brush", "help_all", "plan", "page"),
     *ImaginingSettings.model_fields,
 }
 """Names of options that no kind of goal can have."""
@@ -194,7 +194,20 @@ Photo = Annotated[
 ]
 SettingsFile = Annotated[
     Path | None,
-    taking("FILE", "A TOML file with these settings, for example: strokes = 300", "--settings", rich_help_panel=_FILES),
+    taking(
+        "FILE",
+        "A TOML or JSON file with these settings, for example: strokes = 300",
+        "--settings",
+        rich_help_panel=_FILES,
+    ),
+]
+PageOption = Annotated[
+    Path | None,
+    taking(
+        "FOLDER",
+        "The studio's folder of this painting. People at its page answer the questions, and stop it there.",
+        "--page",
+    ),
 ]
 Out = Annotated[
     Path | None,

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, nullcontext
 from pathlib import Path
 from types import FunctionType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,6 +20,7 @@ from frida_painter_cli.options import (
     AskOption,
     BriefCommand,
     FilledOption,
+    PageOption,
     Photo,
     PictureOut,
     PlanFile,
@@ -32,10 +33,15 @@ from frida_painter_cli.options import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from frida_painter.easel.dialogue import Answer, Question
     from frida_painter.runs.run import PaintingRun
     from frida_painter.runs.spec import RunSpec
+    from frida_painter_cli.stop_signal import StopSignal
 
 
+_open_lead = registry.Later("frida_painter_studio.at_page:PageLead.open")
 _give_picture = registry.Later("frida_painter_calibration.commands.without_camera:give_picture")
 Candidates = Annotated[
     int,
@@ -44,6 +50,12 @@ Candidates = Annotated[
         "Make N plans with different seeds, in several processes, and paint the best one.",
         "--candidates",
         parser=whole_number_within(1, 1000),
+    ),
+]
+GivenPlan = Annotated[
+    Path | None,
+    typer.Option(
+        "--plan", metavar="FILE", help="A plan.json of this goal and these settings, painted instead of a new plan."
     ),
 ]
 
@@ -55,6 +67,8 @@ def paint(
     ask: AskOption = False,
     yes: FilledOption = False,
     propose: ProposeOption = None,
+    plan: GivenPlan = None,
+    page: PageOption = None,
     **given: Any,
 ) -> None:
     """Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the rest.
@@ -68,30 +82,56 @@ def paint(
     and a page. Ctrl-C stops after the current stroke and keeps the work. A second Ctrl-C stops the robot
     at once. A real robot then stays stopped until you run `frida-painter arm`.
     """
-    started = time.monotonic()
-    spec = spec_of(photo, given)
-    require_person(spec, asked=not yes)
-    _require_canvas_for_two(spec, candidates, asked=not yes)
-    require_proposer(propose, together=spec.together)
-    spec = imagine_beginning(spec, given, asked=not yes, paints=True)
-    asked, chosen = not yes, None
-    if candidates != 1:  # the best of this number of seeds; it prints which one it is
-        spec, chosen = registry.parts(registry.PLAN_CHOOSERS)["candidates"].load(FunctionType)(spec, candidates)
-    with EaselProcess(spec.robot) as process:  # loads in parallel with this process
+    started, asked, chosen = time.monotonic(), not yes, None
+    with _lead_at(page, "paint") as led, ExitStack() as stack:
+        spec = spec_of(photo, given)
+        require_person(spec, asked=asked)
+        if led is None:
+            _require_canvas_for_two(spec, candidates, asked=asked)
+        require_proposer(propose, together=spec.together)
+        if plan is None:
+            spec = imagine_beginning(spec, given, asked=asked, paints=True)
+        if candidates != 1:  # the best of this number of seeds; it prints which one it is
+            spec, chosen = registry.parts(registry.PLAN_CHOOSERS)["candidates"].load(FunctionType)(spec, candidates)
+        process = stack.enter_context(EaselProcess(spec.robot))  # loads in parallel with this process
         from frida_painter.runs.run import PaintingRun
+        from frida_painter.runs.settle import ground_of
+        from frida_painter.strokes.plan import Plan
         from frida_painter.system.devices import prepare_process
         from frida_painter_cli.leading import Leader, answer_early, ready_planner, say_films
         from frida_painter_cli.stop_signal import stop_on_signals
 
         prepare_process()
-        with stop_on_signals() as stop, PaintingRun(spec, given["out"]) as run:
+        if plan is not None:
+            chosen = Plan.load(plan)
+            spec = spec.with_values(ground=ground_of(chosen))
+        differs = led is not None
+        with stop_on_signals() as stop, PaintingRun(spec, given["out"], record_may_differ=differs) as run:
             say_films(run.spec)
             run.load_easel(process)
-            ready_planner(run, stop, given["out"])
-            stop.at_once = run.open_easel(hear_signals=True, answer=answer_early(run) if asked else None).robot.stop
-            with Leader(run, stop, asked=asked, asks_for_paints=ask, started=started, propose=propose) as leader:
+            ready_planner(run, stop, given["out"], led=led)
+            _open_easel(run, stop, led, answer_early(run) if asked and led is None else None)
+            with Leader(
+                run, stop, asked=asked, asks_for_paints=ask, started=started, propose=propose, led=led
+            ) as leader:
                 outcome = run.start(chosen)
-    leader.conclude(outcome)
+        leader.conclude(outcome)
+
+
+def _lead_at(page: Path | None, job: str) -> AbstractContextManager[Any]:
+    """Returns the lead of people at a page, in a `with` block that tells them how it ends; None without a page."""
+    return nullcontext() if page is None else _open_lead(page, job)
+
+
+def _open_easel(
+    run: "PaintingRun", stop: "StopSignal", led: Any, answer: "Callable[[Question], Answer] | None"
+) -> None:
+    """Opens the easel, whose robot a stop stops at once. Raises Interrupted if people at a page stopped before."""
+    if led is not None:
+        run.heed()
+    stop.at_once = run.open_easel(hear_signals=True, answer=answer).robot.stop
+    if led is not None:
+        led.stop.then(stop.stop_now)
 
 
 def _require_canvas_for_two(spec: "RunSpec", candidates: int, *, asked: bool) -> None:
@@ -196,51 +236,52 @@ def resume(
     accept_changes: AcceptChanges = False,
     pace: PaceOption = 0.0,
     propose: ProposeOption = None,
+    page: PageOption = None,
 ) -> None:
     """Continue a painting that was stopped, paused or killed, from its folder.
 
     Shows the progress, photographs the canvas if there is a camera, asks about a stroke in doubt if there is
     one, cleans the brush and paints the rest. Nothing moves before you confirm, or give --yes.
     """
-    from frida_painter.errors import Interrupted
-    from frida_painter.runs.painting_folder import NOW, are_there, history_of
-    from frida_painter.runs.run import PaintingRun
-    from frida_painter.session.events import SessionResumed
-    from frida_painter.system.devices import prepare_process
-    from frida_painter_cli.leading import Leader, answer_early, confirm, ready_planner, say, tell
-    from frida_painter_cli.options import require_person
-    from frida_painter_cli.stop_signal import stop_on_signals
+    started = time.monotonic()
+    with _lead_at(page, "resume") as led, ExitStack() as stack:
+        from frida_painter.errors import Interrupted
+        from frida_painter.runs.painting_folder import NOW, are_there, history_of
+        from frida_painter.runs.run import PaintingRun
+        from frida_painter.session.events import SessionResumed
+        from frida_painter.system.devices import prepare_process
+        from frida_painter_cli.leading import Leader, answer_early, confirm, ready_planner, say, tell
+        from frida_painter_cli.options import require_person
+        from frida_painter_cli.stop_signal import stop_on_signals
 
-    if (history := history_of(folder)).finished:
-        if are_there(folder, history.painted):
+        if (history := history_of(folder)).finished and led is None and are_there(folder, history.painted):
             say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
             return
-        say(f"This painting is finished: {history.painted} strokes. Its page and pictures are made again.")
         prepare_process()
-        with PaintingRun.reopen(folder) as run:
+        changed, other = accept_changes, led is None
+        run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=changed, pace=pace, forget_stop=other))
+        if history.finished:
+            say(f"This painting is finished: {history.painted} strokes. Its page and pictures are made again.")
             tell(run.resume(), history.painted, history.seconds, watched=run.spec.has_camera or history.is_pictured)
-        return
-    started = time.monotonic()
-    prepare_process()
-    with ExitStack() as stack:
-        run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=accept_changes, pace=pace))
+            return
         require_person(run.spec, asked=not yes)
         require_proposer(propose, together=run.spec.together)
         _show(run)
-        if not (yes or confirm(f"{_next_motion(run.spec)} Go on?", default=True)):
+        if not (yes or led or confirm(f"{_next_motion(run.spec)} Go on?", default=True)):
             raise Interrupted("Nothing was moved; the painting stays as it is.")
         stop = stack.enter_context(stop_on_signals())
         run.load_easel()  # loads in parallel with the planner
-        ready_planner(run, stop)
-        stop.at_once = run.open_easel(hear_signals=True, answer=None if yes else answer_early(run)).robot.stop
+        ready_planner(run, stop, led=led)
+        _open_easel(run, stop, led, None if yes or led else answer_early(run))
         leader = stack.enter_context(
-            Leader(run, stop, asked=not yes, repaint=repaint, started=started, propose=propose)
+            Leader(run, stop, asked=not yes, repaint=repaint, started=started, propose=propose, led=led)
         )
         found = "as it was found" if run.spec.has_camera else "as it should be"
         at = f"The canvas {found}: {run.folder / NOW}"
         run.listeners.append(lambda event: say(at) if isinstance(event, SessionResumed) else None)
         outcome = run.resume()
-    leader.conclude(outcome)
+        stack.close()
+        leader.conclude(outcome)
 
 
 def watch(folder: Folder) -> None:

@@ -37,6 +37,11 @@ class StopSignal:
         """Exit status of a process after a stop, by convention."""
         return 128 + (self.signal or signal.SIGINT)
 
+    def stop_now(self) -> None:
+        """Stops the robot at once, and all work."""
+        self.asked = True
+        self.at_once()
+
     def hear(self, number: int, frame: FrameType | None) -> None:
         """Handles a signal.
 

@@ -169,6 +169,8 @@ class PaintingPage:
                 plan = self.plans[number]
                 plan.status, plan.share, plan.left = "ready", 1.0, None
                 plan.made = detail
+            case events.ResultFound("refused", reason):  # a terminal was faster, and paints
+                self.job, self.trouble = "", reason
             case events.Stopped(reason):
                 self.ended, self.trouble = event.how, reason or self.trouble
                 self._end_plans(event.how)
@@ -180,6 +182,8 @@ class PaintingPage:
         self.painting.hear(event, at)
         if isinstance(event, events.Advanced):
             self.said = event.words
+        elif isinstance(event, events.ResultFound) and not self.job:
+            self.trouble = ""  # of a job that was refused
         if at is not None:
             self.times.hear(event, at)
 

@@ -23,10 +23,10 @@ from frida_painter_calibration.teaching.families import write_family
 from frida_painter_calibration.teaching.learned_pages import family_sheet
 from frida_painter_calibration.teaching.marks import learn_family, read_marks
 from frida_painter_calibration.teaching.training import TrainingProgress
+from frida_painter_studio.at_page import Feed, StopWatch
 from frida_painter_studio.jobs import TeachingRequest
 from frida_painter_studio.picture_choosing import MADE, MAX_MAKINGS
-from frida_painter_studio.stop import StopWatch
-from frida_painter_studio.studio_folder import Feed, PaintingFolder
+from frida_painter_studio.studio_folder import PaintingFolder
 from frida_painter_together.inbox import MakingOrder, make_live_path
 from frida_painter_together.proposing import record_making, show_pictures, without_folders
 from frida_painter_words.picture_makers.making import MAX_PICTURES, MakingWish, make_pictures, remove_making

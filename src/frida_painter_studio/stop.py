@@ -15,14 +15,13 @@ import secrets
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Self
 
 from frida_painter.errors import StorageError
 from frida_painter.system import storage
+from frida_painter_studio.at_page import HEARD, SOCKET, STOP, WORK, address
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PLAN_JOB, find_job, find_work
 from frida_painter_studio.workers import QUEUE
@@ -92,40 +91,10 @@ def _make(path: Path) -> None:
         temporary.unlink()
 
 
-# Line from the listener to workers: a local socket in the studio's folder.
-#
-# It uses no disk and waits for nothing: the listener for stops (stop_listener.py) sends one byte to each worker,
-# which answers with one byte after it has reacted. The stop file is the second way, for a worker without a
-# connection yet, and if there is no listener.
+# Line from the listener to the processes at work (at_page.py).
 
-STOP, HEARD = b"!", b"+"
-WORK, PRESS, END = "work", "press", "end"
-"""First words of a caller, followed by a name and a line's end: a worker, a stop, the listener's end."""
-_SOCKET = ".stop"
-_LONGEST = 100  # bytes; a local socket's address has at most 104 to 108
-_BETWEEN_CALLS = 0.5  # seconds
-_BETWEEN_GLANCES = 0.02
-
-
-class StopPressed(Exception):
-    """Signal that a person has pressed stop; the worker reports it and ends."""
-
-
-@contextmanager
-def address(folder: Path) -> Iterator[str]:
-    """Yields the address of the listener's local socket for the studio in `folder`.
-
-    The address is short enough for the system's limit.
-    """
-    whole = str(folder.absolute() / _SOCKET)
-    if len(os.fsencode(whole)) <= _LONGEST:
-        yield whole
-        return
-    opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        yield f"/proc/self/fd/{opened}/{_SOCKET}"
-    finally:
-        os.close(opened)
+PRESS, END = "press", "end"
+"""First words of other callers, followed by a name and a line's end: a stop, the listener's end."""
 
 
 def listen_locally(folder: Path) -> socket.socket:
@@ -134,79 +103,12 @@ def listen_locally(folder: Path) -> socket.socket:
     Raises OSError.
     """
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    (folder / _SOCKET).unlink(missing_ok=True)
+    (folder / SOCKET).unlink(missing_ok=True)
     with address(folder) as place:
         listening.bind(place)
-    (folder / _SOCKET).chmod(0o600)
+    (folder / SOCKET).chmod(0o600)
     listening.listen(64)
     return listening
-
-
-def call(folder: Path) -> socket.socket:
-    """Returns a connection to the listener. Raises OSError if there is none."""
-    line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        with address(folder) as place:
-            line.connect(place)
-    except OSError:
-        line.close()
-        raise
-    return line
-
-
-class StopWatch:
-    """Watches for a stop, by line and by file, in its own threads.
-
-    file: file that stops the worker when it exists.
-    studio: folder of the listener's socket.
-    job: job of the worker.
-    """
-
-    def __init__(self, file: Path, studio: Path, job: str = "") -> None:
-        self.asked = False
-        self._file, self._studio, self._job = file, studio, job
-        self._turn = threading.Lock()
-        self._reactions: list[Callable[[], None]] = []
-        threading.Thread(target=self._watch_file, daemon=True, name="stop file").start()
-        threading.Thread(target=self._watch_line, daemon=True, name="stop line").start()
-
-    def heed(self) -> None:
-        """Raises StopPressed if stop was pressed."""
-        if self.asked:
-            raise StopPressed
-
-    def then(self, reaction: Callable[[], None]) -> None:
-        """Adds a reaction to a stop.
-
-        It runs at once when stop is pressed, in a watching thread. If stop was pressed before, it runs now.
-        """
-        with self._turn:
-            self._reactions.append(reaction)
-            asked = self.asked
-        if asked:
-            reaction()
-
-    def _hear(self) -> None:
-        with self._turn:
-            first, self.asked = not self.asked, True
-            reactions = list(self._reactions)
-        if first:
-            for reaction in reactions:
-                reaction()
-
-    def _watch_file(self) -> None:
-        while not storage.exists(self._file):  # False too if the look failed: the next one may succeed
-            time.sleep(_BETWEEN_GLANCES)
-        self._hear()
-
-    def _watch_line(self) -> None:
-        while True:
-            with contextlib.suppress(OSError), call(self._studio) as line:
-                line.sendall(f"{WORK} {self._file.parent.name} {self._job}\n".encode())
-                while line.recv(1) == STOP:
-                    self._hear()
-                    line.sendall(HEARD)
-            time.sleep(_BETWEEN_CALLS)  # the listener is gone; the studio starts another one
 
 
 _HEARD_WITHIN = 0.3  # seconds for the workers' answers

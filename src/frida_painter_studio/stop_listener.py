@@ -29,6 +29,7 @@ from uvicorn.server import ServerState
 
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.system import locks, python_process, storage
+from frida_painter_studio.at_page import call
 from frida_painter_studio.network import (
     STUDIO_LOCK,
     Certificate,
@@ -38,7 +39,7 @@ from frida_painter_studio.network import (
     read_body,
     share_lock,
 )
-from frida_painter_studio.stop import END, StopKey, Stops, call, listen_locally
+from frida_painter_studio.stop import END, StopKey, Stops, listen_locally
 from frida_painter_studio.studio_folder import find_work
 from frida_painter_together.commands import Role
 

@@ -8,9 +8,8 @@ import contextlib
 import os
 import re
 import shutil
-import time
 from collections.abc import Iterator, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -23,9 +22,10 @@ from frida_painter.easel.kinds import JOURNAL, LIVE, LIVE_PICTURE, REGIONS, STOP
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.planning.fields import brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec, without_former
-from frida_painter.session.events import Advanced, Event, events_of, record, time_of
+from frida_painter.session.events import Event, events_of, time_of
 from frida_painter.system import locks, storage
-from frida_painter.system.event_log import FEED, EventLog, LogReader
+from frida_painter.system.event_log import LogReader
+from frida_painter_studio.at_page import FEED_FILE, Feed
 from frida_painter_studio.form import CONTROLS, SETTINGS
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_together.commands import GoalRequest, goal_items, pictures_of
@@ -146,8 +146,8 @@ _MAX_PLANS = 24
 _A_MOMENT = 1.0  # seconds
 _LOCKS = ".workers"
 _LONGEST_JOB = 20
-PLAN_JOB = "plan"
-"""Job of a worker that plans: no robot moves."""
+PLAN_JOB, PAINT_JOB, RESUME_JOB = "plan", "paint", "resume"
+"""Jobs of the painter; while it plans, no robot moves."""
 QueuedJob = Literal["plan", "paint"]
 """Job that waits in the studio's queue."""
 
@@ -167,6 +167,11 @@ class PlanFolder:
     def plan(self) -> Path:
         """File of the plan."""
         return self.path / "plan.json"
+
+    @property
+    def settings(self) -> Path:
+        """File of the settings with which the plan is painted; hidden, because it names files of this machine."""
+        return self.path / ".settings.json"
 
     def request(self) -> PaintingRequest:
         """Returns the request of the plan. Raises StorageError."""
@@ -189,7 +194,7 @@ class PaintingFolder:
 
     path: Path
 
-    feed = _Inside("feed.jsonl")
+    feed = _Inside(FEED_FILE)
     """File of the events, one per line; written by the worker."""
     easel = _Inside("easel")
     """Folder of a simulated robot's lock, because each painting has its own simulated robot."""
@@ -228,15 +233,9 @@ class PaintingFolder:
 
     def stop_now(self) -> None:
         """Stops all work on this painting. Raises OSError."""
-        if self.painting.is_dir():
+        if self.painting.is_dir() and find_job(self) != PLAN_JOB:  # the robot has its own process
             self.robot_stop.touch()
         self.stop.touch()
-
-    def forget_stop(self) -> None:
-        """Removes a stop that was pressed before there was a robot, unless another process paints; the next is new."""
-        with contextlib.suppress(OSError):
-            if not _is_painted(self):
-                self.robot_stop.unlink()
 
     def plans(self) -> list[PlanFolder]:
         """Returns all plans, finished or not, in order."""
@@ -383,52 +382,9 @@ def _is_painted(folder: PaintingFolder) -> bool:
     return locks.is_held(folder.painting / JOURNAL)
 
 
-# Feed of a painting or a job: what is asked for and how the workers' processes fare. A painting itself is told by its
-# journal.
-
-_BETWEEN_STEPS = 0.25  # seconds between two reports of progress, as fine as a person can see
-
-
-@dataclass
-class Feed:
-    """Writes events for the page. If the disk is full, events are left out; the journal handles that fault."""
-
-    folder: PaintingFolder
-    _log: EventLog = field(init=False)
-    _told: float = field(default=0.0, init=False)
-
-    def __post_init__(self) -> None:
-        self._log = EventLog(self.folder.feed, FEED)
-
-    def tell(self, event: Event) -> None:
-        """Writes an event."""
-        with contextlib.suppress(StorageError):
-            self._log.append(record(event))
-
-    def say(self, sentence: str) -> None:
-        """Writes progress in words."""
-        self.tell(Advanced(sentence))
-
-    def step(self, share: float, left: float, picture: str = "") -> None:
-        """Writes the progress of planning, at most every 0.25 s.
-
-        share: in [0, 1].
-        left: remaining seconds.
-        picture: file of a new picture of the plan so far, "" if there is none.
-        """
-        now = time.monotonic()
-        if now - self._told >= _BETWEEN_STEPS or share >= 1 or picture:
-            self._told = now
-            self.tell(Advanced("", round(share, 4), round(left, 1), picture or None))
-
-    def close(self) -> None:
-        """Closes the feed."""
-        self._log.close()
-
-
 def tell_once(folder: PaintingFolder, event: Event) -> None:
     """Writes one event for the page."""
-    feed = Feed(folder)
+    feed = Feed(folder.path)
     feed.tell(event)
     feed.close()
 

@@ -1,14 +1,12 @@
-"""Jobs of a worker process: it plans, paints or calibrates; worker_process.py starts them."""
+"""Jobs of a worker process: it plans, calibrates, teaches; worker_process.py starts them."""
 
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from frida_painter.brush.kinds import StrokeModel, brush_kind
+from frida_painter.brush.kinds import brush_kind
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.connecting import connect_easel
@@ -16,26 +14,19 @@ from frida_painter.easel.dialogue import Answer, SetupQuestion
 from frida_painter.easel.kinds import SIMULATION_LOG, STOP_FILE
 from frida_painter.errors import (
     ConfigError,
-    FridaError,
     Interrupted,
-    PaintingPaused,
-    RobotStopped,
 )
 from frida_painter.hardware.easel import Easel
 from frida_painter.mixing.recipe import volumes
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
-from frida_painter.render.exporter import ExportOptions, export_plan
-from frida_painter.report.painters import PERSON, find_painters
-from frida_painter.report.vector import plan_widths, svg
 from frida_painter.runs.painting_easel import with_operator
-from frida_painter.runs.run import PaintingRun, RunOutcome
-from frida_painter.runs.settle import ground_of, paints_for_recipes
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.settle import paints_for_recipes
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events
 from frida_painter.session.opening import adopt_camera, statuses
 from frida_painter.session.time_left import PlanTime, share_of_plan
-from frida_painter.strokes.plan import Plan
 from frida_painter.system import event_log, images, storage
 from frida_painter.system.devices import prepare_process
 from frida_painter_calibration.calibrating import (
@@ -46,15 +37,14 @@ from frida_painter_calibration.calibrating import (
 )
 from frida_painter_calibration.machine_setup import SetupEvent, lead_setup
 from frida_painter_calibration.options import SetupOrder
+from frida_painter_studio.at_page import Feed, StopWatch
 from frida_painter_studio.jobs import CalibrationRequest, SetupRequest, TeachingRequest
 from frida_painter_studio.side_jobs import imagine, teach
-from frida_painter_studio.stop import StopWatch
-from frida_painter_studio.studio_folder import Feed, PaintingFolder, PlanFolder
+from frida_painter_studio.studio_folder import PLAN_JOB, PaintingFolder, PlanFolder
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_together.asking import Asker
-from frida_painter_together.conductor import Conductor
 from frida_painter_together.inbox import make_live_path
-from frida_painter_together.plan_pictures import GrowingPlan, draw_plan
+from frida_painter_together.plan_pictures import GrowingPlan, draw_plan, export
 
 _BETWEEN_WORDS = 0.5  # seconds
 
@@ -63,16 +53,12 @@ _BETWEEN_WORDS = 0.5  # seconds
 
 @dataclass(frozen=True)
 class Job:
-    """Data of a job.
-
-    began: start of the job, seconds since 1970.
-    """
+    """Data of a job."""
 
     folder: PaintingFolder
     easel: WebAppEasel
     feed: Feed
     stop: StopWatch
-    began: float = field(default_factory=time.time, kw_only=True)
 
     @property
     def state(self) -> Path | None:
@@ -192,99 +178,30 @@ def _show_sheet(written: events.ResultFound, folder: PaintingFolder) -> events.R
     return replace(written, detail=written.detail | {"sheet": shown.name})
 
 
-# Painting by a worker: it starts or resumes the run of a requested painting, and people lead it.
-
-
-def paint(job: Job, place: PlanFolder) -> None:
-    """Paints the plan, with replans as the description says."""
-    plan = Plan.load(place.plan)
-    spec = job.spec(place).with_values(ground=ground_of(plan))
-    with PaintingRun(spec, job.folder.painting, state=job.state, record_may_differ=True) as run:
-        _lead(job, run)
-        _conclude(job, run.start(plan))
-
-
-def resume(job: Job, place: PlanFolder) -> None:
-    """Resumes a painting that was stopped, killed or failed, whoever began it, from its journal."""
-    with PaintingRun.reopen(job.folder.painting, pace=job.easel.pace, state=job.state) as run:
-        _lead(job, run)
-        _conclude(job, run.resume())
-
-
-def _tell_waits(job: Job, run: PaintingRun) -> None:
-    """Connects the waits before planning to the page and to its stop."""
-    run.tell, run.heed = job.feed.say, job.stop.heed
-
-
-def _lead(job: Job, run: PaintingRun) -> None:
-    """Opens the easel of a run, and has people lead the run by its inbox."""
-    _tell_waits(job, run)
-    run.load_easel()  # loads in parallel with the planner
-    job.stop.heed()
-    job.stop.then(run.open_easel().robot.stop)
-    run.finish = partial(_add_results, run)
-    run.controls = Conductor.lead(run, lambda: job.stop.asked, job.stop.heed, job.began).controls
-
-
-def _conclude(job: Job, outcome: RunOutcome) -> None:
-    """Raises the error that ended a run, unless a person stopped it."""
-    trouble = outcome.trouble
-    if trouble is not None and not (isinstance(trouble, RobotStopped | PaintingPaused) and job.stop.asked):
-        raise trouble
-    if outcome.page is None:  # it was stopped before the first plan
-        job.feed.tell(events.Stopped())
-
-
-def _add_results(run: PaintingRun, outcome: RunOutcome) -> None:
-    """Exports the plan of a painting for other programs, and tells who painted what if a person painted too.
-
-    A fault of the latter costs only this picture.
-    """
-    painted = Plan.load(outcome.folder)
-    if len(painted):
-        export(painted, run.planner.models, outcome.folder, run.spec.drying)
-    with suppress(FridaError):
-        found = find_painters(outcome.folder, run.planner.models)
-        if found.of(PERSON) and outcome.painting is not None:
-            found.save(outcome.folder, outcome.painting.photograph)
-
-
-def export(plan: Plan, models: Mapping[str, StrokeModel], folder: Path, drying: float) -> None:
-    """Writes strokes.svg, strokes.csv and strokes.gcode (GRBL, with a pause at every dip) into a folder.
-
-    models: stroke models by brush name.
-    drying: drying time of a layer in minutes.
-    Raises StorageError.
-    """
-    storage.write_text(folder / "strokes.svg", svg(plan, plan_widths(plan, models)))
-    export_plan(plan, folder / "strokes.csv")
-    export_plan(plan, folder / "strokes.gcode", options=ExportOptions(drying=drying))
+# Plans.
 
 
 def work(what: str, job: Job, place: PlanFolder) -> None:
     """Runs a job by name. Raises ConfigError for an unknown one."""
     prepare_process()
     job.stop.heed()
-    of_plans = {"plan": make_plan, "paint": paint, "resume": resume}
-    others: dict[str, Callable[[Job], None]] = {
+    jobs: dict[str, Callable[[Job], None]] = {
+        PLAN_JOB: lambda job: make_plan(job, place),
         "calibration": calibrate,
         "setup": set_up,
         "teaching": teach_stroke,
         "imagining": lambda job: imagine(job.folder, job.feed, job.stop),
     }
-    if what in of_plans:
-        of_plans[what](job, place)
-    elif what in others:
-        others[what](job)
-    else:
-        raise ConfigError(f"There is no job {what[:40]!r}; it is {', '.join([*of_plans, *others])}.")
+    if what not in jobs:
+        raise ConfigError(f"There is no job {what[:40]!r}; it is {', '.join(jobs)}.")
+    jobs[what](job)
 
 
 def make_plan(job: Job, place: PlanFolder) -> None:
     """Makes the requested plan and its pictures."""
     feed = job.feed
     with PaintingRun(job.spec(place)) as run:
-        _tell_waits(job, run)
+        run.tell, run.heed = feed.say, job.stop.heed
         planner = run.planner
         bare, models = planner.bare, planner.models
         started = time.monotonic()

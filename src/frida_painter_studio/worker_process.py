@@ -1,22 +1,17 @@
-"""Worker process of the studio: it hears a stop from its first moment; it may outlive the page's process.
+"""Worker process of the studio for all work but painting: it hears a stop from its first moment.
 
 The libraries of a planner take seconds to load. This module loads none of them before it listens for stops.
 """
 
 import os
-import secrets
-import sys
-import traceback
 from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
-from frida_painter import registry
-from frida_painter.errors import FridaError, RobotStopped
 from frida_painter.session.events import Stopped
 from frida_painter.system.python_process import in_own_process
-from frida_painter_studio.stop import StopPressed, StopWatch
-from frida_painter_studio.studio_folder import PLAN_JOB, Feed, PaintingFolder
+from frida_painter_studio.at_page import Feed, StopWatch, telling_end
+from frida_painter_studio.studio_folder import PLAN_JOB, PaintingFolder
 from frida_painter_studio.web_app_easel import WebAppEasel
 
 
@@ -31,37 +26,21 @@ def do_job(what: str, path: Path, number: int, lock: BinaryIO, easel: WebAppEase
     easel: of the studio
     """
     folder = PaintingFolder(path)
-    feed = Feed(folder)
-    stop = StopWatch(folder.stop, folder.path.parent, what)
+    feed, stop = Feed(path), StopWatch(folder.stop, path.parent, what)
     if what == PLAN_JOB:
         stop.then(partial(end_at_once, folder))
     try:
-        from frida_painter_studio.worker import Job, work
+        with telling_end(feed, stop):
+            from frida_painter_studio.worker import Job, work
 
-        job = Job(folder, easel, feed, stop)
-        work(what, job, folder.plan(number))
-    except StopPressed:
-        feed.tell(Stopped())
-    except FridaError as trouble:
-        if stop.asked and isinstance(trouble, RobotStopped):
-            feed.tell(Stopped())
-        else:
-            feed.tell(Stopped(str(trouble).replace(str(folder.path), "its folder")))
-    except BaseException as failure:
-        mark = secrets.token_hex(4)
-        print(mark, traceback.format_exc(), file=sys.stderr)
-        told = f"Something went wrong that should not have; its number in the log is {mark}."
-        feed.tell(Stopped(str(registry.blame(failure) or told)))
-        raise
+            work(what, Job(folder, easel, feed, stop), folder.plan(number))
     finally:
-        folder.forget_stop()
         lock.close()
-        feed.close()
 
 
 def end_at_once(folder: PaintingFolder) -> None:
     """Reports a stop and ends the process: a planner holds no robot, and writes each file whole or not at all."""
-    feed = Feed(folder)  # another one than that of the main thread, which may be about to write
+    feed = Feed(folder.path)  # another one than that of the main thread, which may be about to write
     feed.tell(Stopped())
     feed.close()
     os._exit(0)

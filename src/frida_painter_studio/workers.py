@@ -12,11 +12,20 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from frida_painter.errors import FridaError, Interrupted, ProcessLost, StorageError
+from frida_painter.errors import ConfigError, FridaError, Interrupted, ProcessLost, StorageError
 from frida_painter.session.events import Began, Stopped
 from frida_painter.system import python_process, storage
 from frida_painter_studio.store import Entry, PaintingStore
-from frida_painter_studio.studio_folder import PaintingFolder, PlanFolder, QueuedJob, WorkerLock, tell_once, working
+from frida_painter_studio.studio_folder import (
+    PAINT_JOB,
+    RESUME_JOB,
+    PaintingFolder,
+    PlanFolder,
+    QueuedJob,
+    WorkerLock,
+    tell_once,
+    working,
+)
 from frida_painter_studio.web_app_easel import WebAppEasel
 
 _MAX = 2
@@ -64,18 +73,35 @@ class WorkerSlot:
         self.folder, self._lock, self._started, self._easel = folder, lock, started, easel
 
     def start(self, job: str, plan: PlanFolder) -> None:
-        """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError."""
+        """Starts a worker in a new session, and hands it the painting's lock. Raises StorageError.
+
+        It may outlive this process. A painting is started by the words that a person types at a terminal.
+        """
         task = {"what": job, "path": self.folder.path, "number": plan.number, "lock": self._lock, "easel": self._easel}
         self._lock.sign(job)
         try:
             with (self.folder.path / "worker.log").open("ab") as log:
-                process, wire = python_process.start_function(
-                    "frida_painter_studio.worker_process:do_job", task, start_new_session=True, stdout=log, stderr=log
-                )
+                how: dict[str, Any] = {"start_new_session": True, "stdout": log, "stderr": log}
+                if job in (PAINT_JOB, RESUME_JOB):
+                    words = self._words_to_paint(plan) if job == PAINT_JOB else (job, self.folder.painting)
+                    led = ("--pace", self._easel.pace, "--page", self.folder.path)
+                    process = python_process.start(
+                        "-m", "frida_painter", *words, *led, pass_fds=[self._lock.fileno()], **how
+                    )
+                else:
+                    process, wire = python_process.start_function(
+                        "frida_painter_studio.worker_process:do_job", task, **how
+                    )
+                    wire.close()
         except (OSError, ProcessLost) as error:
             raise StorageError(f"The painter cannot be started ({error}).") from error
-        wire.close()  # it works on its own, and may outlive this process
         self._started.append((process, self.folder))
+
+    def _words_to_paint(self, plan: PlanFolder) -> tuple[object, ...]:
+        """Returns the words that paint a plan. Raises ConfigError and StorageError."""
+        spec = plan.request().spec(self._easel, plan.path, self.folder.families)
+        storage.write_json(plan.settings, spec.model_dump(mode="json", exclude_unset=True))
+        return PAINT_JOB, "--settings", plan.settings, "--plan", plan.plan, "--out", self.folder.painting
 
 
 # Queue of a studio: plans to be made and paintings to be painted, one after another.
@@ -233,6 +259,9 @@ class PaintingQueue:
 
 
 def start_painting(slot: WorkerSlot, plan: PlanFolder) -> None:
-    """Starts a worker that paints a plan."""
-    tell_once(slot.folder, Began("paint", plan=plan.number))
-    slot.start("paint", plan)
+    """Starts to paint a plan; what rules it out is told on the page. Raises StorageError."""
+    tell_once(slot.folder, Began(PAINT_JOB, plan=plan.number))
+    try:
+        slot.start(PAINT_JOB, plan)
+    except ConfigError as fault:
+        tell_once(slot.folder, Stopped(str(fault)))

@@ -202,6 +202,14 @@ class Propose(_Command):
     kind: Literal["propose"] = "propose"
 
 
+@dataclass(frozen=True)
+class ChoosePicture(_Command):
+    """Command to paint towards a proposed picture, by its file in the painting's folder."""
+
+    file: Annotated[str, Field(strict=True, max_length=400, pattern=r"^changes/\d{1,6}/[^/\x00-\x1f]+\.png$")]
+    kind: Literal["choose"] = "choose"
+
+
 IN_A_PAUSE = "The robot is painting, and this can be done only in a pause: press Pause, wait, then ask for it again."
 ROBOT_MOVES = (
     "The robot is painting, and nobody paints beside an arm that moves: your stroke was not painted. Press Pause, wait "
@@ -248,7 +256,7 @@ class PaintStroke(_Command):
 
 
 Command = Annotated[
-    Simple | LeaveOut | TakeTurns | Protect | GivePicture | ChangeGoal | Propose | PaintStroke,
+    Simple | LeaveOut | TakeTurns | Protect | GivePicture | ChangeGoal | Propose | ChoosePicture | PaintStroke,
     Field(discriminator="kind"),
 ]
 

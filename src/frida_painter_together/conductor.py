@@ -21,7 +21,6 @@ from frida_painter.perception.snapshot import find_corners
 from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events
-from frida_painter.session.controls import Controls
 from frida_painter.session.events import Event, Notify, PauseCause
 from frida_painter.session.loop import PaintingSession
 from frida_painter.strokes.palette import to_hex
@@ -34,6 +33,7 @@ from frida_painter_together.inbox import Inbox, MakingOrder, make_live_path
 from frida_painter_together.plan_pictures import PlanPictures
 from frida_painter_together.policies import TurnTaken, answer_turn, find_turn_policy
 from frida_painter_together.proposing import (
+    choose,
     forbid,
     mark,
     propose,
@@ -145,19 +145,6 @@ class Conductor:
         run.listeners.append(conductor.hear)
         return conductor
 
-    @property
-    def controls(self) -> Controls:
-        """Controls of a painting that is led from the page alone, which also answers the questions."""
-        return Controls(
-            stop_asked=self.stop_asked,
-            pause_cause=self.pause_cause,
-            go_on=self.go_on,
-            answer=self.ask,
-            paint_on=self.paint_on,
-            repaint=self.repaint,
-            adapt=self.adapt_alone,
-        )
-
     def paint_on(self, difference: str, photograph: Tensor) -> bool:
         """Asks whether a canvas that is not as it should be is painted on."""
         question = f"{difference.split(' Look at ')[0]} Shall it be painted on as it is?"
@@ -167,6 +154,10 @@ class Conductor:
         """Asks whether a stroke in doubt is painted again."""
         question = f"Stroke {number} was begun, and nothing tells whether it was painted. Paint it again?"
         return self.ask(Confirm(question, picture, proposal=False)) is True
+
+    def do(self, command: Command) -> None:
+        """Takes a command of somebody who needs no inbox."""
+        self._commands.append(command)
 
     def owe(self, request: dict[str, Any], proposed: events.MadePictures | None) -> None:
         """Takes over what a person asked for before the painting broke off: it is done before the next stroke.
@@ -381,6 +372,8 @@ class Conductor:
                 pursue(session, self.folder, wanted, {name: plain[name] for name in ("terms", "initial")})
             case commands.Propose():
                 self._propose(command)
+            case commands.ChoosePicture(file):
+                choose(session, self.folder, self.folder / file)
             case commands.TakeTurns():
                 self._take_turns(command)
             case _:

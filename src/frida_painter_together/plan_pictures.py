@@ -1,4 +1,4 @@
-"""Pictures of a plan for the studio's page: while it grows, stroke by stroke, and as a whole."""
+"""Pictures of a plan for the studio's page: while it grows, stroke by stroke, and as a whole; its exports."""
 
 import json
 import math
@@ -7,25 +7,30 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
 
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.errors import StorageError
+from frida_painter.errors import FridaError, StorageError
 from frida_painter.frames import PixelGrid
 from frida_painter.render import render
+from frida_painter.render.exporter import ExportOptions, export_plan
 from frida_painter.render.painting import render_on
+from frida_painter.report.painters import PERSON, find_painters
 from frida_painter.report.sheets import palette_sheet, sheet_file
 from frida_painter.report.story import paints
-from frida_painter.report.vector import plan_widths
+from frida_painter.report.vector import plan_widths, svg
 from frida_painter.session import events
 from frida_painter.session.events import Event
 from frida_painter.strokes.plan import Plan
 from frida_painter.strokes.strokes import Strokes
 from frida_painter.system import images, storage
+
+if TYPE_CHECKING:
+    from frida_painter.runs.run import PaintingRun, RunOutcome
 
 _ROWS = 720
 _PREVIEW_ROWS = 400
@@ -143,3 +148,29 @@ def _strokes_json(plan: Plan, models: Mapping[str, StrokeModel]) -> str:
         },
         separators=(",", ":"),
     )
+
+
+def add_results(run: "PaintingRun", outcome: "RunOutcome") -> None:
+    """Exports the plan of a painting for other programs, and tells who painted what if a person painted too.
+
+    A fault of the latter costs only this picture.
+    """
+    painted = Plan.load(outcome.folder)
+    if len(painted):
+        export(painted, run.planner.models, outcome.folder, run.spec.drying)
+    with suppress(FridaError):
+        found = find_painters(outcome.folder, run.planner.models)
+        if found.of(PERSON) and outcome.painting is not None:
+            found.save(outcome.folder, outcome.painting.photograph)
+
+
+def export(plan: Plan, models: Mapping[str, StrokeModel], folder: Path, drying: float) -> None:
+    """Writes strokes.svg, strokes.csv and strokes.gcode (GRBL, with a pause at every dip) into a folder.
+
+    models: stroke models by brush name.
+    drying: drying time of a layer in minutes.
+    Raises StorageError.
+    """
+    storage.write_text(folder / "strokes.svg", svg(plan, plan_widths(plan, models)))
+    export_plan(plan, folder / "strokes.csv")
+    export_plan(plan, folder / "strokes.gcode", options=ExportOptions(drying=drying))

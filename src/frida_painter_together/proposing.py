@@ -29,11 +29,13 @@ from frida_painter.runs.goal_item import MAKING, making_facts, read_prompt
 from frida_painter.runs.goals import open_goal
 from frida_painter.runs.painting_folder import keep_goal
 from frida_painter.runs.spec import RunSpec
-from frida_painter.session.events import CommandDone, CommandTaken, DrawnRegion, MadePictures, NewGoal
+from frida_painter.session.events import Advanced, CommandDone, DrawnRegion, Event, MadePictures, NewGoal
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter.system import images, storage
 from frida_painter_cli.options import read_line
+from frida_painter_together.commands import ChoosePicture, Command, Propose
+from frida_painter_together.inbox import MakingOrder
 from frida_painter_words.picture_makers.making import (
     USUAL_MINUTES,
     USUAL_PICTURES,
@@ -41,7 +43,6 @@ from frida_painter_words.picture_makers.making import (
     MakingWish,
     SeenCanvas,
     make_pictures,
-    require_canvas_maker,
 )
 
 if TYPE_CHECKING:
@@ -66,11 +67,8 @@ def propose(
 
     words: what is to change
     maker, minutes: as in `MakingWish`; stop_asked, tell: as in `make_pictures`
-    What is protected stays in the pictures as it is. Raises ConfigError if the painting has no goal or the maker takes
-    no canvas, CameraError, and the errors of `make_pictures`.
+    What is protected stays in the pictures as it is. Raises CameraError, and the errors of `make_pictures`.
     """
-    require_goal(session)
-    require_canvas_maker(maker)
     planner = session.planner
     number = storage.next_number(folder / _CHANGES, "")
     seed = (planner.seed + USUAL_PICTURES * (number - 1)) % 2**31  # other pictures each time
@@ -127,6 +125,14 @@ def plain_fact(fact: str) -> str:
     return " ".join(Path(word).name if word.lstrip("'\"").startswith("/") else word for word in words)
 
 
+def choose(session: PaintingSession, folder: Path, picture: Path) -> None:
+    """Has the painting in `folder` pursue a proposed picture. Raises as `pursue` does."""
+    record = storage.read_json(picture.parent / MAKING, "the record of a making")
+    chosen = {"chosen": picture.name, "because": "a person chose it"}
+    storage.write_json(picture.parent / MAKING, record | chosen)
+    pursue(session, folder, RunSpec.of(goal=[{"image": str(picture)}]), {})
+
+
 def pursue(
     session: PaintingSession,
     folder: Path,
@@ -181,116 +187,77 @@ def resize_mask(mask: NDArray[np.bool_], shape: tuple[int, ...]) -> NDArray[np.b
 
 # Talk with a person at the terminal
 
-_ASK = "What shall change? (Enter: paint on) "
-
 
 class Proposer:
-    """Talk with the person at the terminal, in the pauses of one painting.
+    """Person at the terminal who changes the goal by words: what they type becomes commands for the conductor.
 
     maker: as in `--imagine NAME:TEXT`
-    stop_asked: returns True if the person stops all
     ask: shows a prompt and returns the typed line
-    confirm: asks a question, and returns True for yes, which is proposed
     """
 
-    def __init__(
-        self, run: "PaintingRun", maker: str, stop_asked: Callable[[], bool], ask: Callable[[str], str],
-        confirm: Callable[[str], bool],
-    ) -> None:  # fmt: skip
-        self._run, self._maker, self._stop_asked, self._ask, self._confirm = run, maker, stop_asked, ask, confirm
-        self._typed, self._talking = "", False
-        history = run.history
-        # A request that names a maker came from a page.
-        self._owed: dict[str, Any] = {} if history is None or "maker" in history.request else history.request
-        self._proposed = None if history is None else history.proposed
+    def __init__(self, run: "PaintingRun", maker: str, ask: Callable[[str], str]) -> None:
+        self._run, self._maker, self._ask = run, maker, ask
+        self._typed, self._talks = "", False
+        self._asked: MadePictures | None = None
         _tell(
             "To change the painting, type what shall change and press Enter, at any time."
             if sys.stdin.isatty()
             else "--propose waits for typed words, and nobody can type here."
         )
 
-    def wants_pause(self) -> bool:
-        """Returns True if the person has typed something, or if a talk broke off with the painting.
+    def hear(self, event: Event) -> None:
+        """Tells the progress of a making."""
+        if isinstance(event, Advanced) and event.words:
+            _tell(event.words)
 
-        Before the first plan there is nothing to change: what is typed waits.
-        """
+    def wants_pause(self) -> bool:
+        """Returns True if the person has typed something; before the first plan, what is typed waits."""
         so_far = None if self._run.session is None else self._run.session.so_far
-        if self._talking or so_far is None or so_far.rest is None:
+        if so_far is None or so_far.rest is None:
             return False
         if not self._typed and sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
             self._typed = read_line().strip()
-        return bool(self._typed or self._owed or self._proposed)
+        return bool(self._typed)
 
-    def talk(self) -> None:
-        """Asks what shall change, until the person has nothing more to change; each trouble is one sentence."""
-        self._talking = True  # what is typed while it plans again waits for the end of this talk
+    def has_word(self) -> bool:
+        """Returns True if the person has something to say in this pause: about pictures, or about what shall change."""
+        return self._talks or self._run.painting.proposed is not None or self.wants_pause()
+
+    def find_command(self) -> Command | None:
+        """Asks until there is a command, and returns it; None if nothing more shall change. Raises Interrupted."""
+        made, self._talks = self._run.painting.proposed, True
         try:
-            self._take_up()
-            while not self._stop_asked():
-                typed, self._typed = self._typed, ""
-                words = typed or self._ask(_ASK).strip()
-                if not words:
-                    return
+            if made is not None and made is not self._asked:
+                self._asked = made
+                if file := self._choose(made):
+                    _tell("The rest is planned towards it, with the paints that are mixed.")
+                    return ChoosePicture(file)
+            while words := self._typed or self._ask("What shall change? (Enter: paint on) ").strip():
+                self._typed = ""
                 try:
-                    self._propose(words)
+                    words = read_prompt(words, "The change")
+                    name = self._maker.partition(":")[0]
+                    order = MakingOrder(words=words, maker=self._maker, label=name, minutes=USUAL_MINUTES)
+                    order.keep(self._run.folder)
+                    return Propose(words, name)
                 except FridaError as trouble:
-                    print(trouble, file=sys.stderr)
+                    _tell(str(trouble))
         except (EOFError, KeyboardInterrupt) as end:
             raise Interrupted("Nobody answers any more; what was painted is kept.") from end
-        finally:
-            self._talking = False
+        self._talks = False
+        return None
 
-    def _take_up(self) -> None:
-        """Goes on with a talk that broke off: before its pictures, before the choice, or before the new plan."""
-        owed, proposed, self._owed, self._proposed = self._owed, self._proposed, {}, None
-        if owed.get("kind") == "choose":
-            self._pursue(str(owed["file"]))
-        elif owed.get("kind") == "propose":
-            self._typed = str(owed["words"])
-        elif proposed is not None:
-            self._choose(proposed)
-
-    def _propose(self, words: str) -> None:
-        words = read_prompt(words, "The change")
-        session, folder = self._run.session, self._run.folder
-        assert session is not None
-        session.note(CommandTaken({"kind": "propose", "words": words}))
-        own = session.person.find_own_paint()
-        share = 0.0 if own is None else max(1.0, 100 * float(own.mean()))
-        if own is not None and self._confirm(f"You painted about {share:.0f} % of the canvas. Shall it stay as it is?"):
-            forbid(session, folder, union_of(session.planner.region, own))
-        try:
-            making = propose(session, folder, words, self._maker, stop_asked=self._stop_asked, tell=_tell)
-        except FridaError:
-            session.note(CommandTaken({}))
-            raise
-        made = record_making(making, making.made_by, folder, [""] * len(making.pictures))
-        session.note(CommandDone(made))
-        self._choose(made)
-
-    def _choose(self, made: MadePictures) -> None:
-        """Asks for a picture of a making, and plans towards it; none is chosen by Enter."""
-        folder, count = self._run.folder, len(made.pictures)
+    def _choose(self, made: MadePictures) -> str:
+        """Asks for a picture of a making, and returns its file; none is chosen by Enter."""
+        count = len(made.pictures)
         _tell(f"Made from the canvas, {made.words!r}, by {made.maker}:")
         for number, one in enumerate(made.pictures, 1):
-            _tell(f"  {number}  {folder / one['file']}  (seed {one['seed']})")
-        prompt = f"Number of the one to paint (1 to {count}; Enter: none): "
-        while line := self._ask(prompt).strip():
+            _tell(f"  {number}  {self._run.folder / one['file']}  (seed {one['seed']})")
+        while line := self._ask(f"Number of the one to paint (1 to {count}; Enter: none): ").strip():
             if line.isdecimal() and 1 <= int(line) <= count:
-                self._pursue(made.pictures[int(line) - 1]["file"])
-                return
+                return str(made.pictures[int(line) - 1]["file"])
             _tell(f"Type a number from 1 to {count}, or nothing.")
-
-    def _pursue(self, file: str) -> None:
-        session, picture = self._run.session, self._run.folder / file
-        assert session is not None
-        session.note(CommandTaken({"kind": "choose", "file": file}))
-        _tell("The rest is planned towards it, with the paints that are mixed.")
-        record = storage.read_json(picture.parent / MAKING, "the record of a making")
-        chosen = {"chosen": picture.name, "because": "a person chose it"}
-        storage.write_json(picture.parent / MAKING, record | chosen)
-        pursue(session, self._run.folder, RunSpec.of(goal=[{"image": str(picture)}]), {})
-        session.note(CommandTaken({}))
+        return ""
 
 
 def _tell(sentence: str) -> None:

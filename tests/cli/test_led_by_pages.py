@@ -14,9 +14,12 @@ import pytest
 from PIL import Image
 
 from cli.test_stopping import Painter, paint
+from frida_painter.runs.painting_folder import history_of
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused, WentOn
 from frida_painter.session.fold import PaintingState
 from frida_painter.system import python_process
+from frida_painter_cli import commands
 from frida_painter_cli.leading import Leader
 from frida_painter_studio.web_app_easel import WebAppEasel
 from killing import ForkedProcess
@@ -70,10 +73,14 @@ def page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Page:
 
     begin = python_process.start
 
+    def work(words: tuple[Any, ...]) -> None:
+        sys.argv = ["frida-painter", *map(str, words[2:])]
+        commands.main()
+
     def start(*words: Any, **more: Any) -> Any:
-        if words[2] != "frida_painter_studio.worker_process:do_job":
-            return begin(*words, **more)
-        return ForkedProcess(lambda: python_process.serve(*words[2:]), **more)
+        if words[2] == "frida_painter_studio.worker_process:do_job":
+            return ForkedProcess(lambda: python_process.serve(*words[2:]), **more)
+        return ForkedProcess(lambda: work(words), **more) if words[1] == "frida_painter" else begin(*words, **more)
 
     monkeypatch.setattr(python_process, "start", start)
     return Page(Studio(tmp_path, WebAppEasel(tmp_path / "calibration.json", pace=0.05)).visitor())
@@ -125,6 +132,24 @@ def test_what_the_terminal_paints_is_led_stopped_and_gone_on_with_from_a_page(pa
     page.say("go on")
     finished = page.see(stage("finished"), 600)["painting"]
     assert finished["region"] and finished["wish"]["terms"] and finished["person"]["strokes"] == 1
+
+
+def test_a_plan_of_the_page_is_painted_by_the_words_of_the_terminal(page: Page, tmp_path: Path) -> None:
+    request = {
+        "terms": [{"kind": "image", "picture": page.upload(20, 200)}],
+        "width": 120,
+        "height": 90,
+        "title": "Cup",
+    }
+    settings = {"strokes": 4, "replans": 1, "colors": 2, "brushes": "fine", "effort": 0.1}
+    assert page.visitor.post("/api/paintings", json=request | settings).status_code == 200
+    until(lambda: time.sleep(0.2) or page.visitor.get(page.path).json()["stage"] == "planned", 300)
+    assert page.visitor.post(f"{page.path}/start", json={"plan": 1, "ready": True}).status_code == 200
+    assert page.see(stage("finished"), 600)["painting"]["done"] == 4
+    (painting,) = tmp_path.glob("*/painting")
+    assert (painting / "strokes.svg").is_file() and history_of(painting).settings["title"] == "Cup"
+    plan = painting.parent / "plans" / "1"
+    assert RunSpec.from_toml(plan / ".settings.json", calibration=None).strokes == 4
 
 
 class Run:

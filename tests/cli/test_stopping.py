@@ -84,6 +84,7 @@ def test_ctrl_c_twice_stops_the_robot_and_writes_the_page(tmp_path: Path) -> Non
     count = len(moves(painter.folder))
     assert not held(painter)
 
+    (painter.folder / STOP_FILE).touch()  # too late for that sitting, and none of the next one
     resumed = Painter(tmp_path, "resume", "painted", "--yes")
     until(lambda: resumed.process.poll() is not None or len(moves(painter.folder)) > count, 300)
     assert resumed.process.poll() is None, "a simulated robot needs nobody who arms it"

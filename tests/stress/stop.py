@@ -42,9 +42,9 @@ from measure import Table, arguments, publish
 from PIL import Image
 
 from frida_painter.session.events import Began
-from frida_painter_studio.stop import HEARD, STOP, WORK, call
+from frida_painter_studio.at_page import HEARD, STOP, WORK, Feed, call
 from frida_painter_studio.store import Entry, PaintingStore
-from frida_painter_studio.studio_folder import Feed, PaintingRequest, WorkerLock
+from frida_painter_studio.studio_folder import PaintingRequest, WorkerLock
 
 FILES = 1024
 HALF_OPEN, STREAMS, RATE, ZIPS, READS, PICTURES = 1300, 20, 28, 80, 120, 16
@@ -192,7 +192,7 @@ def begun(store: PaintingStore) -> Entry:
     """A painting of some size, which somebody works on."""
     entry = store.begin("A painting")
     painting_request = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a ship"}]})
-    Feed(entry.folder).tell(Began("plan", plan=1, detail=painting_request.model_dump(mode="json")))
+    Feed(entry.folder.path).tell(Began("plan", plan=1, detail=painting_request.model_dump(mode="json")))
     other = store.begin("Another one").folder  # which is taken along
     other.painting.mkdir()
     (other.painting / "film.mp4").write_bytes(bytes(50 * 2**20))

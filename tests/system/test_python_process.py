@@ -84,12 +84,13 @@ FUNCTIONS: dict[str, tuple[dict[str, Any], str]] = {
     "frida_painter_studio.reader:read_canvas": ({"workspace": Path("none")}, "error"),
     "frida_painter_studio.worker_process:do_job": (
         {"what": "plan", "path": Path("FOLDER"), "number": 1, "lock": "FILE", "easel": WebAppEasel(Path("none"))},
-        "result",
+        "error",
     ),
     "frida_painter_words.svg_process:draw": ({"svg": SVG, "name": "a.svg"}, "result"),
 }  # fmt: skip
 # Arguments of the other programs, and their status.
 PROGRAMS = {
+    "frida_painter": (("resume", "nowhere", "--page", "nowhere"), 2),
     "frida_painter_studio.stop_listener": (("nowhere", "-1", "-1", "-1", "{}"), 1),
     "huggingface_hub.cli.hf": (("download", "a/b", "-q"), 1),
     "pip": (("download", "--no-index", "nothing-of-this-name"), 1),

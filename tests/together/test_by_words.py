@@ -2,6 +2,7 @@
 
 import json
 import os
+import sys
 from collections.abc import Iterator
 from copy import copy
 from dataclasses import dataclass, field
@@ -12,13 +13,15 @@ from typing import Any
 import pytest
 
 from frida_painter.errors import ConfigError, Interrupted
-from frida_painter.session.events import Event, Paused, StrokePainted
+from frida_painter.session.events import Event, Paused, Remark, StrokePainted
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
 from frida_painter.system import images
 from frida_painter.system.event_log import EventLog
 from frida_painter_cli.options import ask_at_terminal, read_line, require_proposer
 from frida_painter_together import proposing
+from frida_painter_together.conductor import Conductor
+from frida_painter_together.inbox import MakingOrder
 from frida_painter_together.proposing import Proposer
 from support.planning import picture
 from support.session import SessionSetup
@@ -49,9 +52,23 @@ class Terminal:
             return isinstance(event, StrokePainted) and event.done == 2
 
         def go_on(paused: Paused) -> bool:
-            run = SimpleNamespace(session=setup.session, folder=self.folder, history=known)
-            Proposer(run, self.maker, lambda: False, self.ask, lambda question: True).talk()  # type: ignore[arg-type]
-            return True
+            run = SimpleNamespace(session=setup.session, folder=self.folder, painting=journal.state)
+            talk = Proposer(run, self.maker, self.ask)  # type: ignore[arg-type]
+
+            def elsewhere(paused: Paused) -> bool | None:
+                command = talk.find_command()
+                return True if command is None else conductor.do(command)
+
+            def hear(event: Event) -> None:
+                if isinstance(event, Remark):  # as the line at the terminal shows it
+                    print(event.sentence, file=sys.stderr)
+                setup._hear(event)
+
+            conductor = Conductor(self.folder, hear, lambda: False, 0.0, lambda: setup.session, elsewhere=elsewhere)
+            if known is not None:
+                journal.state.proposed = journal.state.proposed or known.proposed  # as before the first stroke
+                conductor.owe(known.request, known.proposed)
+            return conductor.go_on(paused)
 
         setup = SessionSetup(6, replans=0, pause_at=pause_at, go_on=go_on, journal=journal)
         try:
@@ -83,7 +100,7 @@ def test_a_person_says_what_shall_change_and_chooses_one_picture_or_none(
     Terminal(tmp_path, lines).paint(Journal.begin(tmp_path, {}, {}))
     assert pursued == ["make-it-a-stormy-sea-water-wave-2.png"] and lines == []
     asked, made = "command_taken", "command_done"
-    assert kinds(tmp_path) == [asked, made, asked, made, asked, asked]
+    assert kinds(tmp_path) == [asked, made, asked, asked, made, asked, asked, asked]
     record = json.loads((tmp_path / "changes" / "2" / "making.json").read_text())
     assert record["because"] == "a person chose it" and record["chosen"] == pursued[0] and "canvas" in record
     assert record["words"] == "make it a stormy sea water wave"
@@ -109,6 +126,7 @@ def test_each_trouble_is_one_sentence_and_the_painting_goes_on(
 
 @pytest.mark.parametrize("broke_off", ["asked", "made", "chosen"])
 def test_a_talk_that_broke_off_goes_on_from_there(tmp_path: Path, pursued: list[str], broke_off: str) -> None:
+    MakingOrder(words="a storm", maker=WAVE, label="command", minutes=1).keep(tmp_path)
     if broke_off != "asked":
         with pytest.raises(Interrupted):
             Terminal(tmp_path, ["a storm", *(["3"] if broke_off == "chosen" else [])]).paint(
@@ -118,14 +136,14 @@ def test_a_talk_that_broke_off_goes_on_from_there(tmp_path: Path, pursued: list[
         Journal.begin(tmp_path, {}, {}).close()
     journal, history = Journal.reopen(tmp_path)
     told: dict[str, Any] = {
-        "asked": {"kind": "propose", "words": "a storm"},
+        "asked": {"kind": "propose", "words": "a storm", "maker": "command"},
         "made": {},
         "chosen": {"kind": "choose", "file": "changes/1/a-storm-3.png"},
     }
     history.request = told[broke_off]
     history.proposed = history.proposed if broke_off == "made" else None
     pursued.clear()
-    lines = {"asked": ["1", ""], "made": ["3", ""], "chosen": [""]}[broke_off]
+    lines = {"asked": ["1", ""], "made": ["3", ""], "chosen": []}[broke_off]
     Terminal(tmp_path, lines, history=history).paint(journal)
     assert pursued == [f"a-storm-{1 if broke_off == 'asked' else 3}.png"]
 

@@ -26,8 +26,8 @@ from frida_painter.session.journal import Journal
 from frida_painter.session.progress import PaintingProgress
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
+from frida_painter_studio.at_page import StopPressed, StopWatch
 from frida_painter_studio.picture_choosing import AllowedMakers
-from frida_painter_studio.stop import StopPressed, StopWatch
 from frida_painter_together.commands import (
     END_MAKING,
     FINISH,

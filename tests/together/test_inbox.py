@@ -16,8 +16,8 @@ from frida_painter.easel.kinds import INBOX
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.session.events import Asked
 from frida_painter.system.event_log import FEED, EventLog
-from frida_painter_studio.stop import StopPressed, StopWatch
-from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder
+from frida_painter_studio.at_page import Feed, StopPressed, StopWatch
+from frida_painter_studio.studio_folder import FeedReader, PaintingFolder
 from frida_painter_studio.web_studio import Followed
 from frida_painter_together import asking, inbox
 from frida_painter_together.asking import MAX_ABSENCE, Asker, describe_question
@@ -30,6 +30,7 @@ from frida_painter_together.commands import (
     MAX_POINTS,
     PAUSE,
     ChangeGoal,
+    ChoosePicture,
     Command,
     GivePicture,
     GoalRequest,
@@ -98,6 +99,7 @@ EACH: dict[str, tuple[dict[str, Any], Command]] = {
     "free": ({}, FREE),
     "paint": ({"brush": "fine", "paint": 1, "points": [[0.5, 0.5, 1, 0, 0, 0]]}, PaintStroke("fine", 1, (POINT,))),
     "propose": ({"words": "a stormy sea", "maker": "mine"}, Propose("a stormy sea", "mine")),
+    "choose": ({"file": "changes/1/a-sea-2.png"}, ChoosePicture("changes/1/a-sea-2.png")),
     "end making": ({}, END_MAKING),
     "goal": ({"terms": TERMS}, ChangeGoal(tuple(GoalRequest.model_validate(each) for each in TERMS))),
 }
@@ -206,7 +208,7 @@ def folder(tmp_path: Path) -> Path:
 
 def asker(folder: Path, **more: Any) -> Asker:
     """Who asks in a job of this folder."""
-    return Asker(folder, Feed(PaintingFolder(folder)).tell, StopWatch(folder / "stop", folder.parent).heed, **more)
+    return Asker(folder, Feed(folder).tell, StopWatch(folder / "stop", folder.parent).heed, **more)
 
 
 def asked(folder: Path) -> dict[str, Any]:

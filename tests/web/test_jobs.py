@@ -12,6 +12,7 @@ from frida_painter import calibration
 from frida_painter.session import events
 from frida_painter.system.event_log import FEED, EventLog
 from frida_painter_calibration.procedures.workspace import STEPS
+from frida_painter_studio.at_page import Feed
 from frida_painter_studio.jobs import (
     JOBS,
     PROCEDURES,
@@ -25,7 +26,6 @@ from frida_painter_studio.jobs import (
     Teaching,
 )
 from frida_painter_studio.painting_state import Truth
-from frida_painter_studio.studio_folder import Feed
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import WorkerSlot
 from frida_painter_together.commands import Role
@@ -122,7 +122,7 @@ def test_questions_are_answered_by_whoever_leads(tmp_path: Path, started: list[s
     assert [each["dated"] for each in visitor.get("/api/calibration").json()["procedures"]] == [None] * 5
     assert visitor.post("/api/calibration/start", json={"what": ["canvas", "brush"]}).status_code == 200
     assert CalibrationRequest.load(folder.path).what == ("canvas", "brush")
-    Feed(folder).tell(events.Asked(QUESTION))
+    Feed(folder.path).tell(events.Asked(QUESTION))
     (folder.path / "live").mkdir()
     (folder.path / "live" / "found-canvas.png").write_bytes(b"x")
     assert visitor.get("/api/calibration/files/found-canvas.png").content == b"x"
@@ -140,7 +140,7 @@ def test_questions_are_answered_by_whoever_leads(tmp_path: Path, started: list[s
         assert visitor.post("/api/calibration/start", json={"what": ["canvas"]}).status_code == 409
         assert visitor.post("/api/stop").json() == {"stopped": 1, "heard": 0} and folder.stop.exists()
     folder = studio.store.job("setup")
-    Feed(folder).tell(events.Asked(GUIDE))
+    Feed(folder.path).tell(events.Asked(GUIDE))
     with locked(folder):
         for given in ({"move": [0.01, 0.0, 0.0]}, {"leave": True}):
             assert visitor.post("/api/setup/answer", json={"question": GUIDE["id"], **given}).status_code == 200

@@ -14,10 +14,10 @@ from frida_painter.runs.goal_item import making_facts
 from frida_painter.runs.spec import RunSpec
 from frida_painter.system.python_process import OwnProcess
 from frida_painter_studio import studio_command, studio_folder
+from frida_painter_studio.at_page import Feed, StopPressed
 from frida_painter_studio.picture_choosing import AllowedMakers, label_of
 from frida_painter_studio.side_jobs import imagine
-from frida_painter_studio.stop import StopPressed
-from frida_painter_studio.studio_folder import Feed, PaintingRequest
+from frida_painter_studio.studio_folder import PaintingRequest
 from frida_painter_studio.workers import WorkerSlot
 from frida_painter_together.commands import Role
 from frida_painter_together.proposing import plain_fact
@@ -83,7 +83,7 @@ def make(studio: Studio, visitor: Visitor, stop: Stop | None = None, **more: Any
     answer = visitor.post("/api/imagining/start", json={"words": "a red tower", "maker": maker, "seed": 3, **more})
     assert answer.status_code == 200, answer.text
     folder = studio.store.job("imagining")
-    feed = Feed(folder)
+    feed = Feed(folder.path)
     try:
         imagine(folder, feed, stop or Stop())  # type: ignore[arg-type]
     except FridaError as fault:

@@ -46,6 +46,7 @@ PAINTED: list[Event] = [
 ]  # fmt: skip
 KEPT = ResultFound("results", detail={"film": True, "arm": False})
 STOPPED, FAILED = Stopped(), Stopped("The robot is gone.")
+REFUSED = ResultFound("refused", "It paints already.")  # a terminal has taken it up
 
 
 def told(*feed: Event, journal: list[Event] | tuple[Event, ...] = ()) -> PaintingPage:
@@ -159,6 +160,9 @@ STATUSES: list[tuple[list[Event], list[Event], Truth, str, bool, str]] = [
     ([*PLANNED, PAINT, STOPPED], [*ENDED, SessionResumed(3), *PAINTED[1:]], AT_WORK, "painting", False, ""),  # there
     ([*PLANNED, PAINT, FAILED], [*ENDED, SessionResumed(3)], AT_WORK, "preparing", False, ""),
     ([*PLANNED, PAINT, FAILED], [*ENDED, SessionResumed(3), STOPPED], AT_REST, "stopped", True, ""),
+    ([*PLANNED, PAINT, RESUME, REFUSED], [*ENDED, SessionResumed(3), *PAINTED[1:]], AT_WORK, "painting", False, "It"),
+    ([*PLANNED, PAINT, RESUME, REFUSED], [*ENDED, SessionResumed(3), STOPPED], AT_REST, "stopped", True, "It paints"),
+    ([*PLANNED, PAINT, RESUME, REFUSED], [*ENDED, SessionResumed(3), KEPT], AT_REST, "finished", False, ""),
 ]  # fmt: skip
 
 

@@ -21,8 +21,9 @@ import pytest
 from PIL import Image
 
 from frida_painter.system import python_process
+from frida_painter_studio.at_page import StopWatch, call
 from frida_painter_studio.network import share_lock
-from frida_painter_studio.stop import END, StopKey, StopWatch, call
+from frida_painter_studio.stop import END, StopKey
 from frida_painter_studio.stop_listener import StopProcess
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PaintingFolder

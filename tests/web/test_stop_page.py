@@ -15,8 +15,9 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 
 from browsing import SCREENSHOTS, WITH_CHROMIUM, require_stop_on_top
 from frida_painter.session.events import Began, Stopped
+from frida_painter_studio.at_page import Feed
 from frida_painter_studio.store import PaintingStore
-from frida_painter_studio.studio_folder import Feed, PaintingRequest
+from frida_painter_studio.studio_folder import PaintingRequest
 from served import Served, Work, end_listener, open_studio
 
 pytestmark = WITH_CHROMIUM
@@ -35,7 +36,7 @@ def studio(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
 def work(studio: Served) -> Iterator[Work]:
     working = Work(PaintingStore(studio.folder))
     painting_request = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a ship"}]})
-    Feed(working.folder).tell(Began("plan", plan=1, detail=painting_request.model_dump(mode="json")))
+    Feed(working.folder.path).tell(Began("plan", plan=1, detail=painting_request.model_dump(mode="json")))
     yield working
     working.lock.release()
 
@@ -89,7 +90,7 @@ def test_all_pages_of_one_painting_have_one_stream_and_each_of_them_stops(
         context.add_init_script("delete window.SharedWorker")
     pages = [enter(context, studio, f"#/p/{work.entry.id}") for _ in range(4)]
     for words in ("The first is told", "The second as well"):
-        Feed(work.folder).tell(Stopped(words))
+        Feed(work.folder.path).tell(Stopped(words))
         for page in pages:
             expect(page.get_by_text(words)).to_be_visible(timeout=WAIT)
     patience = time.monotonic() + WAIT / 1000
@@ -237,7 +238,7 @@ def test_after_a_restart_an_old_page_stops_and_a_reload_says_how_to_come_in_agai
 ) -> None:
     """The last test here: it replaces the studio."""
     page, reloaded = (enter(context, studio, f"#/p/{work.entry.id}") for _ in range(2))
-    Feed(work.folder).tell(Stopped("The first is told"))
+    Feed(work.folder.path).tell(Stopped("The first is told"))
     expect(page.get_by_text("The first is told")).to_be_visible(timeout=WAIT)
     reloaded.set_viewport_size({"width": 390, "height": 844})
     reloaded.evaluate("navigator.serviceWorker.ready.then(() => {})")

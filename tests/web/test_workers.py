@@ -20,8 +20,8 @@ from frida_painter.runs.painting_easel import order
 from frida_painter.session.events import Stopped
 from frida_painter.system.messages import pack, unpack
 from frida_painter_studio import worker_process
-from frida_painter_studio.stop import StopWatch
-from frida_painter_studio.studio_folder import Feed, FeedReader, PaintingFolder, PaintingRequest, WorkerLock, working
+from frida_painter_studio.at_page import Feed, StopWatch
+from frida_painter_studio.studio_folder import FeedReader, PaintingFolder, PaintingRequest, WorkerLock, working
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.worker import Job
 from frida_painter_studio.workers import Workers
@@ -102,13 +102,12 @@ def test_the_page_is_told_whose_part_failed(
     failing = fail if whose == "ours" else EntryPoint("sad", "sad_goal:fail", "").load()
     monkeypatch.setattr("frida_painter_studio.worker.work", failing)
     folder = PaintingFolder(tmp_path / "painting")
-    folder.painting.mkdir(parents=True)
-    folder.stop_now()  # before there is a robot: it must not stop the next sitting
+    folder.path.mkdir()
     easel = WebAppEasel(tmp_path / "record.json")
     with (tmp_path / "lock").open("wb") as lock, pytest.raises(ValueError, match="no goal"):
-        worker_process.do_job.function("paint", folder.path, 1, lock, easel)
+        worker_process.do_job.function("plan", folder.path, 1, lock, easel)
     (told,) = [event for event in FeedReader(folder.feed).read() if isinstance(event, Stopped)]
-    assert re.match(says, told.reason) and not folder.robot_stop.exists()
+    assert re.match(says, told.reason)
     assert "Traceback" in capsys.readouterr().err, "the log has the whole of it"
 
 
@@ -129,7 +128,7 @@ def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dan
     assert (easel.simulated, easel.drives_machine) == (simulated, dangerous)
     assert unpack(json.loads(json.dumps(pack(easel, WebAppEasel, {}))), WebAppEasel, {}) == easel
     folder = PaintingFolder(tmp_path)
-    feed, stop = Feed(folder), StopWatch(folder.stop, folder.path.parent)
+    feed, stop = Feed(folder.path), StopWatch(folder.stop, folder.path.parent)
     plan = folder.begin_plan(PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
     job = Job(folder, easel, feed, stop)
     wanted = order(job.spec(plan), "broad", folder.painting, job.state)
@@ -152,6 +151,18 @@ def test_a_record_counts_once_it_is_there(tmp_path: Path) -> None:
     assert easel.known is None and easel.canvas is None
     easel.record.write_text("{}")
     assert easel.known == easel.record
+
+
+@pytest.mark.parametrize("job", ["plan", "paint"])
+def test_a_stop_of_a_planner_is_none_of_a_robot(tmp_path: Path, job: str) -> None:
+    folder = PaintingFolder(tmp_path / "cup")
+    folder.painting.mkdir(parents=True)
+    lock = WorkerLock(folder)
+    assert lock.take()
+    lock.sign(job)
+    folder.stop_now()
+    assert folder.stop.exists() and folder.robot_stop.exists() == (job == "paint")
+    lock.release()
 
 
 def test_a_painting_that_nobody_works_on_is_free(tmp_path: Path) -> None:

@@ -185,15 +185,24 @@ class PaintingRun:
 
     @classmethod
     def reopen(
-        cls, folder: str | Path, *, accept_changes: bool = False, pace: float = 0.0, state: str | Path | None = None
+        cls,
+        folder: str | Path,
+        *,
+        accept_changes: bool = False,
+        pace: float = 0.0,
+        state: str | Path | None = None,
+        forget_stop: bool = True,
     ) -> Self:
         """Opens a painting that was stopped, killed or paused; locks its journal until the `with` block ends.
 
         pace: speed of a simulated robot: 1 as a real one, 0 as fast as possible.
+        forget_stop: True to remove the stop file of another sitting.
         Raises StorageError if the folder holds no painting or another process works on it. Raises ConfigError, with
         all changes, if something has changed and that is not accepted.
         """
         reopened = reopen(Path(folder), accept_changes=accept_changes, pace=pace)
+        if forget_stop:
+            _forget_stop(Path(folder))
         try:
             return cls(reopened.spec, folder, state=state, _reopened=reopened)
         except BaseException:
@@ -215,8 +224,7 @@ class PaintingRun:
     ) -> None:
         self._stack.__exit__(kind, error, trace)
         if self._easel is not None or self._reopened is not None:
-            with suppress(OSError):  # a stop that was pressed when there was no robot, or no more; the next one is new
-                (self.folder / STOP_FILE).unlink()
+            _forget_stop(self.folder)
         if self._run_record is not None and self._results:  # nobody writes into the folder any more
             with suppress(StorageError) if kind is not None else nullcontext():  # the first error matters more
                 self._run_record.finish(self.painting, self._before, **self._results)
@@ -552,6 +560,12 @@ class PaintingRun:
             there = {name: (self.folder / file).exists() for name, file in files}
             self.report(events.ResultFound("results", detail=there))
         return outcome
+
+
+def _forget_stop(folder: Path) -> None:
+    """Removes a stop of another sitting, pressed when there was no robot, or no more."""
+    with suppress(OSError):
+        (folder / STOP_FILE).unlink()
 
 
 @contextmanager

@@ -335,13 +335,16 @@ class RunSpec(PaintingSettings, MachineSettings, PlannerSettings, GoalSettings):
 
     @classmethod
     def from_toml(cls, path: str | Path, **overrides: "Unpack[Settings]") -> Self:
-        """Reads a description from a TOML file, with `overrides`; its file names are relative to it.
+        """Reads a description from a TOML or JSON file, with `overrides`; its file names are relative to it.
 
         Raises ConfigError.
         """
         path = Path(path)
         example = "write lines such as: strokes = 300"
-        values = storage.read_toml(path, "a settings file (TOML)", _MAX_SPEC_BYTES, example)
+        if path.suffix == ".json":
+            values = storage.read_json(path, "a settings file")
+        else:
+            values = storage.read_toml(path, "a settings file (TOML)", _MAX_SPEC_BYTES, example)
         for name in (*FILES, "paints"):
             if isinstance(values.get(name), str) and values[name] not in NAMED_PAINTS:
                 values[name] = path.parent / values[name]

@@ -97,7 +97,7 @@ class Advanced(Event):
 class ResultFound(Event):
     """Result of a job or a step: "plan", "procedure", "status", "machine", "family", "results" and others.
 
-    "found": a person painted with a real brush; picture `name` shows the canvas with a line around it.
+    "refused": `name` says why a painting is not resumed. "found": picture `name` outlines what a person painted.
     """
 
     what: str
