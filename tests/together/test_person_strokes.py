@@ -167,9 +167,8 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     kept = resuming.load_kept_plan(tmp_path / "killed", history)
     assert kept is not None
     now = session.look()
-    where = PaintingProgress.resume(
-        kept.plan, history.painted, kept.planning.done, None, now, None, frozenset(), len(history.person), True
-    )
+    where = PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, None, now)
+    where.person, where.person_unseen = len(history.person), True
     assert session.resume(where).painted == STROKES
     journal_again.close()
     studio.close()

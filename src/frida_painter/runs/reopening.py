@@ -87,9 +87,9 @@ class ReopenedPainting:
         elif any(stroke >= kept.planning.done for stroke in history.left_out) and sees:
             before = None  # a stroke that was given up is there, in part or not at all: only this look tells
         wet = history.wet(None if session.hand.easel.simulated else datetime.now(UTC))
-        person = len(history.person), unseen, kept.planning.answers
         canvas = before, now, wet, history.left_out
-        where = PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, *canvas, *person)
+        where = PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, *canvas)
+        where.person, where.person_unseen, where.answers = len(history.person), unseen, kept.planning.answers
         expected = session.planner.expected(kept.plan.part(slice(history.painted, None)), now)
         return where, replace(resumed, plan=kept.plan, expected=expected)
 

@@ -1,7 +1,7 @@
 """State of a painting: its progress, and its result."""
 
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Self
 
 from torch import Tensor
 
@@ -170,7 +170,7 @@ class PaintingProgress:
     @classmethod
     def resume(
         cls, plan: Plan, painted: int, planned_at: int, before: Tensor | None, now: Tensor, wet: float | None = None,
-        left_out: frozenset[int] = frozenset(), person: int = 0, person_unseen: bool = False, answers: bool = False,
+        left_out: frozenset[int] = frozenset(),
     ) -> Self:  # fmt: skip
         """Returns the progress of a painting that broke off.
 
@@ -180,8 +180,7 @@ class PaintingProgress:
         """
         wet, dried_at = (None, painted) if wet == 0 else (wet, 0)
         seen = (now, painted) if before is None else (before, planned_at)
-        known: dict[str, Any] = {"person": person, "person_unseen": person_unseen, "answers": answers}
-        return cls(plan, painted, planned_at, dried_at, wet, painted, None, CanvasMemory(*seen, set(left_out)), **known)
+        return cls(plan, painted, planned_at, dried_at, wet, painted, None, CanvasMemory(*seen, set(left_out)))
 
     def go_on_from(self, resumed: Self) -> None:
         """Takes up the progress of the same painting before it broke off."""
