@@ -78,7 +78,6 @@ OWN_FILES = {
     "objectives/weights/archive.py",
     "objectives/weights/cache.py",
     "objectives/weights/sources.py",
-    "objectives/attention.py",
     "plugins.py",
     "registry.py",
     "objectives/weights/catalogue.py",

@@ -20,6 +20,7 @@ from rich.table import Table
 
 from frida_painter.errors import ConfigError, FridaError, Interrupted, PlanError
 from frida_painter.objectives.objective import Gives, GoalKind, goal_kinds
+from frida_painter.planning.fields import SEVERAL
 from frida_painter.planning.settings import SettingSection, about, help_of, usual_of
 from frida_painter.registry import Later
 from frida_painter.runs.options import any_number, camera_name, out_file, out_folder, taking, whole_number
@@ -267,7 +268,8 @@ def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None,
     if kind in (float, float | None):
         return Annotated[float | None, typer.Option(parser=any_number, metavar=more["value"] or "X", **told)]
     value = more["value"] or "|".join(map(str, get_args(kind)))
-    return Annotated[str | None, typer.Option(*names, metavar=value, parser=parser, **told)]
+    typed: Any = list[str] if SEVERAL in field.metadata else str
+    return Annotated[typed | None, typer.Option(*names, metavar=value, parser=parser, **told)]
 
 
 # Help of a command with many options: one screen of those that people use, and all of them with --help-all.
@@ -339,7 +341,6 @@ HelpAll = Annotated[
 
 
 # Painting together by words at the terminal: the option, and questions to a person.
-
 
 ProposeOption = Annotated[
     str | None,

@@ -77,7 +77,7 @@ def test_few_strokes_bring_their_own_colors_and_replans() -> None:
         ({"drying": float("nan")}, "--drying was given nan; it is a number from 0 to 1440"),
         ({"ground": "blurple"}, "--ground: 'blurple' is not a ground; give auto, white, or a colour such as #c8a878"),
         ({"ground": "#12345"}, "'#12345' is not a ground"),
-        ({"focus": "cats"}, "--focus was given 'cats'; it is one of faces, none"),
+        ({"focus": "cats"}, "--focus: 'cats' is not a focus; give faces, none, or a place"),
         ({"paints": ""}, "--paints was given ''"),
         ({"darkest": "black"}, "--darkest: 'black' is not a colour; give one such as #202020"),
         ({"darkest": "#30303"}, "--darkest: '#30303' is not a colour"),

@@ -110,7 +110,7 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
         ({"brushes": "/dev/sda"}, "fine"),
         ({"brushes": "broad:10%"}, "together they make 100 %"),
         ({"paints": "/etc/passwd"}, "'acrylics' or 'any'"),
-        ({"focus": "hands"}, "'faces' or 'none'"),
+        ({"focus": "hands"}, "not a focus"),
         *(({"freedom": wrong}, "freedom") for wrong in (-0.1, 1.1, float("nan"))),
         ({"ground": "blue"}, "not a ground"),
         *(({name: "x"}, "Extra") for name in ("palette", "calibration", "robot", "pictures")),

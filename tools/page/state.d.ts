@@ -9,7 +9,7 @@ type Wish = Settings & { title: string; terms: Term[]; initial: Term[]; width: n
 interface Choice { label: string; title: string; picture: string | null; sets: Record<string, any> }
 /** A control of the form: "first", "more" or the kind of goal that it stands beside; values of a slider with their words. */
 interface Control {
-  name: string; label: string; kind: "slider" | "choices" | "number" | "brushes" | "canvas" | "families" | "goals" | "ground"; help: string;
+  name: string; label: string; kind: "slider" | "choices" | "number" | "brushes" | "canvas" | "families" | "goals" | "ground" | "words"; help: string;
   level: string; group: string; range: { ge: number; le: number }; steps: [number | null, string][]; options: Choice[];
 } // form.py
 interface Paint { number: number; hex: string; strokes: number; share: number }

@@ -155,6 +155,37 @@ def _darkest(color: str | None) -> str | None:
     return color
 
 
+FACES, EVERYWHERE = "faces", "none"
+"""Focus on faces, and none: every place of a picture is worth the same."""
+SEVERAL = "several"
+"""Mark of a field whose option may be repeated; it takes a list."""
+
+
+def focus_places(focus: str) -> list[tuple[float, float, float]]:
+    """Returns the places of a focus such as "faces 0.4,0.3,0.1": column, row and radius as shares of a picture.
+
+    Raises ValueError for other words, and for shares outside the picture.
+    """
+    words = [word for word in focus.split() if word != FACES]
+    try:
+        found = [(float(x), float(y), float(radius)) for x, y, radius in (word.split(",") for word in words)]
+    except ValueError:
+        found = [] if focus == EVERYWHERE else [(-1, -1, -1)]
+    if not focus.strip() or not all(0 <= x <= 1 and 0 <= y <= 1 and 0 < radius <= 1 for x, y, radius in found):
+        raise ValueError(
+            f"{focus[:40]!r} is not a focus; give faces, none, or a place as X,Y,R: shares of the picture's width "
+            "from the left, of its height from the top, and of its shorter side, such as 0.4,0.3,0.1"
+        )
+    return found
+
+
+def _focus(value: Any) -> Any:
+    text = " ".join(value) if isinstance(value, list | tuple) and all(isinstance(one, str) for one in value) else value
+    if isinstance(text, str):
+        focus_places(text)
+    return text
+
+
 Named = str | Path | Sequence[str | Path] | None
 """Form of names in Python: one text, or a list of names and files."""
 AnyColor = str | Sequence[float] | None
@@ -163,7 +194,7 @@ AnyColor = str | Sequence[float] | None
 Brushes = Annotated[str | None, BeforeValidator(partial(_named, brush_shares), json_schema_input_type=Named)]
 Families = Annotated[str | None, BeforeValidator(partial(_named, family_shares), json_schema_input_type=Named)]
 Ground = Annotated[str | None, BeforeValidator(_hex, json_schema_input_type=AnyColor), AfterValidator(_ground)]
-Focus = Literal["faces", "none"]
+Focus = Annotated[str, SEVERAL, BeforeValidator(_focus, json_schema_input_type=str | Sequence[str])]
 DarkestPaint = Annotated[str | None, BeforeValidator(_hex, json_schema_input_type=AnyColor), AfterValidator(_darkest)]
 PaintsInUse = Annotated[
     str,

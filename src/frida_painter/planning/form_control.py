@@ -25,7 +25,7 @@ class Control:
     steps: Sequence[Step] = ()
     words: Mapping[Step, str] = field(default_factory=lambda: {0: "{:g}"})
     options: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    widget: Literal["", "brushes", "canvas", "families", "goals", "ground"] = ""
+    widget: Literal["", "brushes", "canvas", "families", "goals", "ground", "words"] = ""
     beside: str = ""
     needs: Literal["", "camera", "real paint", "robot"] = ""
 

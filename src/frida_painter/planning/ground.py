@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.attention import EVERYWHERE
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
+from frida_painter.planning.fields import EVERYWHERE
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.strokes.palette import to_lab

@@ -21,6 +21,7 @@ from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.effort import Effort
+from frida_painter.planning.fields import FACES, focus_places
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
 from frida_painter.planning.initialize import optimize_target, progressive
 from frida_painter.planning.layers import LayerAtWork, Moves, StepCount, at_the_end, find_later_mixing, relocate_strokes
@@ -96,7 +97,7 @@ class Planner:
         self.coarse: Final = PixelGrid.of_height(self.size, max(settings.render_height // 2, 32))
         self.encoders: Final = encoders or EncoderRegistry()
         self.device: Final = device or torch.device("cpu")
-        seen = weight_by_focus(goal, settings.focus, self.encoders)
+        seen = weight_by_focus(goal, FACES in settings.focus, focus_places(settings.focus), self.encoders)
         self.goal: Final = interpret_goal(seen, self.fine, self.encoders, settings.seed)
         near, begins = self.goal.to(self.device), self.goal.initial_terms is not self.goal.terms
         prepared = partial(prepare, encoders=self.encoders, seed=settings.seed, shared={})
@@ -277,7 +278,8 @@ class Planner:
     ) -> LayerAtWork:
         """Returns a layer of `count` strokes, grown as if it were the last one, in `wells` or so many new paints."""
         begin = partial(steps.begin, below=[(layer.kind, layer.strokes) for layer in below])
-        problem = self.problems.of(canvas, self.coarse, brush, self.problems.initial_objective)
+        first = self.problems.of(canvas, self.coarse, brush, self.problems.initial_objective)
+        problem, _ = self.problems.for_places(first, brush)
         guide, told = self.problems.guide(problem), begin(min(effort.growing, count) * effort.growing_together)
         target = optimize_target(problem) if guide is None else guide
         found = progressive(count, problem, target, effort, generator, told)

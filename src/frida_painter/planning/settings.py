@@ -16,6 +16,7 @@ from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.planning.fields import (
+    FACES,
     MAX_LAYERS,
     Brushes,
     Canvas,
@@ -225,14 +226,10 @@ class PlanSettings(SettingSection):
     )
     """Number of layers of strokes. Each is painted from light to dark on the dry paint of the one before, and
     planned for the canvas as it is then. The first has most of the strokes."""
-    focus: Focus = setting(
-        "faces",
-        form=Control("Most careful with", options={
-            "faces": ("faces", "Faces matter most in a picture, if there are any"),
-            "none": ("all alike", "Every place of a picture is worth the same"),
-        }),
-    )  # fmt: skip
-    """Part of a picture that matters most. faces: faces, if there are any; none: every place is worth the same."""
+    focus: Focus = setting(FACES, value="faces|none|X,Y,R", form=Control("Most careful with", widget="words"))
+    """Part of a picture that matters most. faces: faces, if there are any; none: every place is worth the same; X,Y,R:
+    a place, such as the head of an animal, with shares of the picture's width from the left, of its height from the
+    top, and of its shorter side as the radius. May be repeated."""
     render_height: int = setting(256, ge=64, le=2048)
     """Height of the planning image in pixels. Higher is finer and slower."""
     effort: float = setting(1.0, form=Control(), ge=0.05, le=20)

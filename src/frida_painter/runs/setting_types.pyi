@@ -27,7 +27,7 @@ class Settings(TypedDict, total=False):
     brushes: str | Path | Sequence[str | Path] | None
     strokes_of: str | Path | Sequence[str | Path] | None
     layers: int | None
-    focus: Literal["faces", "none"]
+    focus: str | Sequence[str]
     render_height: int
     effort: float
     planner: str

@@ -20,8 +20,6 @@ const PICTURES = {
   fine: [[FINE, wave(12)]],
   "broad,medium": [[BROAD, wave(8)], [MEDIUM, wave(18)]],
   "broad,medium,fine": [[BROAD, wave(6)], [MEDIUM, wave(14)], [FINE, wave(20)]],
-  faces: [[1.5, "M18 3a9 9 0 1 0 .01 0M15 9.5v.5M21 9.5v.5M14 15c2.5 2.5 5.5 2.5 8 0"]],
-  none: [[1.2, "M4 3h28v18h-28z"], [2.5, "M11 8v.1M18 8v.1M25 8v.1M11 16v.1M18 16v.1M25 16v.1"]],
   "usual ground": [[1.2, SHEET], [1.2, "M30 3l-24 18M24 3l-18 13M30 8l-17 13"]],
   white: [[1.2, SHEET]],
   toned: [[1.2, SHEET], [11, "M12 12h12"]],
@@ -57,6 +55,7 @@ export function settingControl({ name, label, kind, help, range, steps, options 
     return h("label", { class: "field" }, h("span", {}, label), h("span", { class: "pair" },
       h("input", { type: "number", min: range.ge, max: range.le, step: 1, value: wish[name], onchange: (event) => { event.target.value = within(event.target.value); take({ [name]: within(event.target.value) }); } }), h("small", {}, help)));
   }
+  if (kind === "words") return h("label", { class: "field" }, h("span", {}, label), h("span", { class: "pair" }, h("input", { type: "text", value: wish[name], onchange: (event) => take({ [name]: event.target.value.trim() || null }) }), h("small", {}, help)));
   const value = options.findIndex(({ sets }) => holds(wish, sets));
   if (kind === "families") {
     return h("label", { class: "field" }, h("span", {}, label), h("span", { class: "pair" },
