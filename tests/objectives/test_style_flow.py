@@ -69,6 +69,17 @@ def test_a_goal_has_the_brushwork_of_its_style_and_faces_are_free() -> None:
     assert begun is not None and float(begun[5].min()) == 1
 
 
+def test_photographs_have_directions_that_strokes_follow_as_far_as_is_said_and_no_sizes() -> None:
+    grid, goal = PixelGrid.of_height(CANVAS, 48), Goal((ImageTerm(stripes(1.0)),))
+    for form in (0.3, 1.0):
+        found = brushwork_of(goal, grid, form)
+        assert found is not None and found.shape == (6, 48, 64) and not bool(found[3:].any())
+        inner = found[:, 10:-10, 10:-10]
+        assert float((inner[0] * math.cos(2.0) + inner[1] * math.sin(2.0)).mean()) > 0.9
+        assert float(inner[2].mean()) == pytest.approx(form, rel=0.05)
+    assert brushwork_of(goal, grid, 0.0) is None
+
+
 def test_content_wants_large_marks_where_it_matters_little() -> None:
     grid, matters = PixelGrid.of_height(CANVAS, 48), torch.ones(12, 16)
     matters[:, 8:] = 6.0

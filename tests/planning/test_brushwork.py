@@ -46,7 +46,7 @@ def test_as_many_turn_as_the_direction_is_sure_and_free_strokes_stay() -> None:
     for sure in (0.0, 0.4):
         before, after = turned(field(0.7, sure))
         assert abs(float((before.angle != after.angle).float().mean()) - sure) < 0.12
-    before, after = turned(field(0.7, 1.0, held=0.0))
+    before, after = turned(field(0.7, 0.0, held=0.0))
     for name, values in before.arrays().items():
         torch.testing.assert_close(after.arrays()[name], values, msg=name)
 
@@ -84,7 +84,7 @@ def test_strokes_in_the_brushwork_cost_less_and_free_ones_nothing() -> None:
     wanted = field(0.7, 1.0)
     costs = [float(brushwork_cost(strokes, wanted, SMALL, CANVAS)) for strokes in (after, before)]
     assert 0 < costs[0] < 0.3 * costs[1]
-    assert float(brushwork_cost(before, field(0.7, 1.0, held=0.0), SMALL, CANVAS)) == 0
+    assert float(brushwork_cost(before, field(0.7, 0.0, held=0.0), SMALL, CANVAS)) == 0
     assert float(brushwork_cost(Strokes.empty(), wanted, SMALL, CANVAS)) == 0
     on, off = replace(PROBLEM, wishes=StrokeWishes(brushwork=wanted)), PROBLEM
     few = before[:6]

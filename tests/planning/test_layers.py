@@ -86,7 +86,7 @@ def test_where_moving_strokes_does_not_help_they_are_settled_where_they_are(plan
     monkeypatch.setattr("frida_painter.planning.layers.relocate", thrown_about)
     by, rest = planner(), plan.part(slice(10, None))
     steps = []
-    canvas = by.expected(plan.part(slice(0, 10))) * 0.9
+    canvas = by.expected(plan.part(slice(0, 10))) * 0.8
     again = by.replan(rest, canvas, steps.append)
     assert by.validation_loss(by.expected(again, canvas)) < by.validation_loss(by.expected(rest, canvas))
     assert [step.iteration for step in steps][-1] == steps[-1].of

@@ -11,9 +11,10 @@ from torch import Tensor
 from frida_painter.brush.kinds import CoverageSpread, painted_area
 from frida_painter.brush.table import StrokeTable
 from frida_painter.errors import PlanningDiverged
+from frida_painter.frames import PixelGrid
 from frida_painter.planning import optimize as adam_module
 from frida_painter.planning.optimize import Adam, Step, optimize, stacked_cost
-from frida_painter.planning.problem import ObjectiveForms, PlanningProblem, StrokeWishes
+from frida_painter.planning.problem import ObjectiveForms, PlanningProblem, StrokeWishes, unrest_of
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes.palette import to_lab
 from frida_painter.strokes.strokes import Strokes
@@ -143,6 +144,27 @@ def test_where_marks_vary_the_expected_painting_is_planned_for() -> None:
         assert float(on.expected_loss(for_all)) < float(on.expected_loss(for_the_mean))
         mean, variance = on.moments(for_all)
         assert float(on.expected_loss(for_all)) == pytest.approx(float(on.objective(mean) + variance.mean()))
+
+
+def test_specks_of_the_canvas_count_where_the_picture_is_light_and_even() -> None:
+    """Under strokes that let a share t of it show, the unrest of the canvas counts by t squared."""
+    grid = PixelGrid(CANVAS, *PROBLEM.canvas.shape[1:])
+    white = torch.ones_like(PROBLEM.canvas)
+    grey, black, rough = 0.7 * white, 0 * white, 0.7 * white
+    rough[:, ::2] = 0.5
+    light = unrest_of(white, grey, grid)
+    assert float(light.amin()) > 5 * 0.3**2 and not bool(unrest_of(grey, grey, grid).any())
+    assert not bool(unrest_of(white, black, grid).any())
+    assert float(unrest_of(white, rough, grid).amax()) < float(light.mean()) / 2
+    on = replace(PROBLEM, model=small_table_that_varies(), wishes=StrokeWishes(unrest=light))
+    strokes, plain = some_strokes(20), replace(on, wishes=StrokeWishes())
+    with torch.no_grad():
+        more = (on.moments(strokes).variance - plain.moments(strokes).variance) / light
+        through = plain.render(strokes.with_groups(color=torch.zeros_like(strokes.color)))[0] / plain.canvas[0]
+        bare = through > 0.999
+        torch.testing.assert_close(more[bare], torch.ones_like(more[bare]), rtol=0.01, atol=0)
+        assert bool((more >= through.square() - 1e-4).all()) and float(more.amin()) < 0.1
+        assert float(on.expected_loss(strokes)) > float(plain.expected_loss(strokes))
 
 
 def small_table_that_varies() -> StrokeTable:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, Self
 
@@ -147,11 +148,16 @@ class Replication:
 
     def __call__(self, picture: Tensor) -> Tensor:
         """Returns the distance of a picture [3, H, W] to the target."""
-        target = self.target.to(picture)
         if self.matters is None:
-            return mse_loss(picture, target)
-        root = self.matters.to(picture).sqrt()
-        return mse_loss(root * picture, root * target)
+            return mse_loss(picture, self.target.to(picture))
+        root, rooted = self._rooted
+        return mse_loss(root.to(picture) * picture, rooted.to(picture))
+
+    @cached_property
+    def _rooted(self) -> tuple[Tensor, Tensor]:
+        assert self.matters is not None
+        root = self.matters.sqrt()
+        return root, root * self.target
 
     def of_variance(self, variance: Tensor) -> Tensor:
         """Returns the mean increase by pixel variance [H, W]: E[(C - T)^2] = (M - T)^2 + Var C."""

@@ -140,16 +140,18 @@ def mark_size(style: Tensor) -> tuple[float, float]:
     return width * min(_LONGEST, (1 + mean) / max(1 - mean, 1e-3)), width
 
 
-def brushwork_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
+def brushwork_of(goal: Goal, grid: PixelGrid, form: float = 0.0) -> Tensor | None:
     """Returns the marks that strokes should make at each place of a goal, [6, H, W]; None if it wants none.
 
-    Cosine and sine of twice the direction, and its certainty in [0, 1]; logarithms of length and width in metres; and
-    in [0, 1] how far strokes are held to all this. Directions are those of the picture that the plan begins with,
-    which has the marks of the styles (style_marks.py) beside its own edges; faces in photographs are free. Beside a
-    goal that is painted loosely, marks are large, and what matters is free.
+    Cosine and sine of twice the direction, and in [0, 1] how far strokes are held to it; logarithms of length and width
+    in metres, and in [0, 1] how far strokes are held to these. Directions are those of the picture that the plan begins
+    with, which has the marks of the styles (style_marks.py) beside its own edges; faces in photographs are free. Beside
+    a goal that is painted loosely, marks are large, and what matters is free.
+    form: how far strokes follow a goal of photographs alone, in [0, 1]. It wants no sizes.
     """
-    styles = styles_of(goal)
-    if not styles and not any(term.is_loose for term in goal.terms):
+    styles, loose = styles_of(goal), any(term.is_loose for term in goal.terms)
+    formed = form > 0 and all(term.is_pixelwise for term in goal.terms)
+    if not (styles or loose or formed):
         return None
     begun = next((term for term in goal.initial_terms if term.guide is not None), None)
     picture = begun.guide if begun is not None else styles[0].colors if styles else None
@@ -157,6 +159,10 @@ def brushwork_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
         return None
     shape = grid.rows, grid.columns
     doubled, coherence, _ = directions(images.fit(picture, *shape))
+    field = torch.stack((doubled.cos(), doubled.sin(), (coherence / _CLEAR).clamp(max=1)))[None]
+    cosine, sine, sure = functional.interpolate(field, shape, mode="bilinear", align_corners=False)[0]
+    if formed:
+        return torch.stack((cosine, sine, form * sure, *torch.zeros(3, *shape).to(sure)))
     held = torch.ones(shape)
     if begun is not None and begun.importance is not None and all(term.words is None for term in goal.terms):
         held = 1 - rise(spread(begun.importance, *shape), FACE)
@@ -166,6 +172,4 @@ def brushwork_of(goal: Goal, grid: PixelGrid) -> Tensor | None:
         return torch.tensor([math.log(shorter * side) for side in sides])[:, None, None].expand(2, *shape)
 
     size = change_by_place(picture, styles, lambda style: sizes(mark_size(style))) if styles else sizes(_LOOSE)
-    field = torch.stack((doubled.cos(), doubled.sin(), (coherence / _CLEAR).clamp(max=1)))[None]
-    field = functional.interpolate(field, shape, mode="bilinear", align_corners=False)[0]
-    return torch.cat((field, size, held[None]))
+    return torch.cat((torch.stack((cosine, sine, held * sure)), size, held[None]))

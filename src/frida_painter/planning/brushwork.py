@@ -39,7 +39,7 @@ def _marks_at(brushwork: Tensor, place: Tensor, size: CanvasSize) -> _Marks:
     cosine, sine, sure, length, width, held = functional.grid_sample(
         brushwork[None], at[None, None].to(brushwork), align_corners=False, padding_mode="border"
     )[0, :, 0]
-    return _Marks(torch.atan2(sine, cosine), sure * held, length.exp(), width.exp(), held)
+    return _Marks(torch.atan2(sine, cosine), sure, length.exp(), width.exp(), held)
 
 
 def along_brushwork(

@@ -71,6 +71,7 @@ def forecast(
     on that photograph and repair a part of the earlier errors, equal to their share of the plan.
     change [3, H, W]: change of the expected picture by wet paint (wet_paint.py). None: all paint is dry.
     """
+    problems = [replace(one, wishes=replace(one.wishes, unrest=None)) for one in problems]
     photograph = next((term.picture for term in goal.terms if term.is_pixelwise), None)
     if photograph is None:
         return None

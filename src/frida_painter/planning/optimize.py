@@ -149,7 +149,7 @@ def stacked_moments(
     marks: marks of each part, as leaves of a gradient. None: the marks of the stroke model.
     """
     mean = problems[0].rows.of(problems[0].canvas)
-    variance = torch.zeros_like(mean[0])
+    variance = torch.zeros_like(mean[0]) if problems[0].unrest is None else problems[0].unrest
     for number, (part, problem) in enumerate(zip(strokes, problems, strict=True)):
         if len(part) == 0:
             continue

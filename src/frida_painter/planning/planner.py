@@ -20,6 +20,7 @@ from frida_painter.objectives.attention import weight_by_focus
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.style_flow import brushwork_of
 from frida_painter.planning.effort import Effort
 from frida_painter.planning.fields import FACES, focus_places
 from frida_painter.planning.forecast import Fading, SimilarityForecast, fading_of, forecast
@@ -104,6 +105,7 @@ class Planner:
         self.problems = PlanningProblems(
             initial_objective=prepared(Goal(near.initial_terms), self.coarse) if begins else None,
             objectives={grid: prepared(near, grid) for grid in (self.fine, self.coarse)},
+            brushwork={grid: brushwork_of(self.goal, grid, settings.form) for grid in (self.fine, self.coarse)},
             models={name: on_device(one, self.device) for name, one in self.models.items()},
             goal=self.goal,
             size=self.size,

@@ -16,7 +16,6 @@ from frida_painter.frames import ALL_ROWS, PixelGrid, Rows
 from frida_painter.objectives.image import spread
 from frida_painter.objectives.interpretation import WeightedObjective
 from frida_painter.objectives.objective import CanvasLoss, Goal, Sparing
-from frida_painter.objectives.style_flow import brushwork_of
 from frida_painter.planning.brushwork import brushwork_cost
 from frida_painter.render import Marks, Moments, marks_of, render, render_moments
 from frida_painter.strokes.plan import Plan
@@ -31,6 +30,9 @@ PAINT_PRICE = 0.0003
 """Price of the paint of the brush's largest mark, as a share of the loss, for goals that are photographs."""
 _DRAWN = 2.5  # power of the importance by which the finest strokes seek their places; docs/lab/goals.md
 _MAX_DRAWN = 2.0  # largest sum of that increase, relative to the sum of the whole picture: large faces leave strokes
+# Specks of the canvas: how much more their squared error counts; standard deviation of the blur that finds even areas,
+# in metres; variance of an area that is half even; sRGB from which an area is light.
+_SPECKS, _SURROUNDINGS, _EVEN, _LIGHT = 7.0, 0.004, 0.03**2, 0.5
 _NOISE = 0.03  # largest difference in sRGB between a photograph of a bare canvas and its ground
 
 
@@ -54,14 +56,18 @@ class StrokeWishes:
 
     importance [H, W]: weight of errors when strokes are placed, with mean 1. None: the same everywhere.
     brushwork [6, H, W]: wanted marks of strokes (objectives/style_flow.py). None: any marks.
+    is_held: True if strokes are held to the brushwork as they descend; False if it only places them.
     paint_price: share by which the loss must fall for the paint of the brush's largest mark.
     darkest [3]: sRGB of the darkest available paint. None: black.
+    unrest [H, W]: variance that the canvas counts as having before the strokes, so that they cover it. None: 0.
     """
 
     importance: Tensor | None = None
     brushwork: Tensor | None = None
+    is_held: bool = True
     paint_price: float = 0.0
     darkest: Tensor | None = None
+    unrest: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -101,7 +107,13 @@ class PlanningProblem:
 
     def moments(self, strokes: Strokes) -> Moments:
         """Returns mean and variance of the picture after the strokes; no two marks of one stroke are the same."""
-        return render_moments(strokes, self.model, self.canvas, self.size, self.spread, self.rows)
+        given = self.model, self.canvas, self.size, self.spread, self.rows
+        return render_moments(strokes, *given, variance=self.unrest)
+
+    @property
+    def unrest(self) -> Tensor | None:
+        """Unrest of the canvas (`StrokeWishes`), on the rendered rows."""
+        return None if self.wishes.unrest is None else self.rows.of(self.wishes.unrest)
 
     @property
     def spread(self) -> CoverageSpread:
@@ -111,7 +123,7 @@ class PlanningProblem:
     def expected_loss(self, strokes: Strokes, objective: CanvasLoss | None = None) -> Tensor:
         """Returns the expected loss over paintings of the strokes, by default for the objective of the scene."""
         judge = objective or self.objective
-        if self.spread.share == 0:
+        if self.spread.share == 0 and self.unrest is None:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
 
@@ -121,7 +133,9 @@ class PlanningProblem:
         longest = self.model.limits.length[1] * (1.0 if family is None else family.way)
         cost = self.wishes.paint_price * painted_area(strokes.way() / longest, strokes.thickness, 1.0).sum()
         wanted = self.wishes.brushwork
-        return cost if wanted is None else cost + brushwork_cost(strokes, wanted, self.model, self.size)
+        if wanted is None or not self.wishes.is_held:
+            return cost
+        return cost + brushwork_cost(strokes, wanted, self.model, self.size)
 
 
 def is_bare(canvas: Tensor, ground: tuple[float, float, float]) -> bool:
@@ -286,6 +300,7 @@ class PlanningProblems:
 
     models: stroke models by the kind of strokes.
     objectives: objective of the goal on each grid.
+    brushwork: wanted marks of strokes on each grid (objectives/style_flow.py); None for any marks.
     initial_objective: objective for growing strokes, if it differs.
     device: device of models, objectives and scenes.
     region: part of the canvas that strokes keep clear of.
@@ -296,6 +311,7 @@ class PlanningProblems:
     models: Mapping[str, StrokeModel]
     goal: Goal
     objectives: Mapping[PixelGrid, WeightedObjective]
+    brushwork: Mapping[PixelGrid, Tensor | None]
     initial_objective: WeightedObjective | None
     device: torch.device
     region: Region | None = None
@@ -312,7 +328,8 @@ class PlanningProblems:
             known = ", ".join(self.models)
             raise PlanError(f"The plan is for the brush {kind!r}, and here are {known}; name it in --brushes.")
         objective, model = objective or self.objectives[grid], self.models[kind]
-        matters, brushwork = self.goal.initial_terms[0].importance, brushwork_of(self.goal, grid)
+        matters, brushwork = self.goal.initial_terms[0].importance, self.brushwork[grid]
+        is_photograph = all(term.is_pixelwise for term in self.goal.terms)
         problem = PlanningProblem(
             canvas=images.fit(canvas.to(self.device), grid.rows, grid.columns),
             size=self.size,
@@ -322,10 +339,13 @@ class PlanningProblems:
             wishes=StrokeWishes(
                 importance=None if matters is None else spread(matters.to(self.device), grid.rows, grid.columns),
                 brushwork=None if brushwork is None else brushwork.to(self.device),
-                paint_price=PAINT_PRICE if all(term.is_pixelwise for term in self.goal.terms) else 0.0,
+                is_held=not is_photograph,
+                paint_price=PAINT_PRICE if is_photograph else 0.0,
                 darkest=None if self.darkest is None else torch.tensor(self.darkest, device=self.device),
             ),
         )
+        if is_photograph and (guide := self.guide(problem)) is not None:
+            problem = replace(problem, wishes=replace(problem.wishes, unrest=unrest_of(problem.canvas, guide, grid)))
         return problem if self.region is None else self.region.guard(problem)
 
     def for_places(self, problem: PlanningProblem, kind: str) -> tuple[PlanningProblem, bool]:
@@ -355,6 +375,17 @@ class PlanningProblems:
             return None
         guide = images.fit(picture.to(self.device), *problem.canvas.shape[1:])
         return guide if self.region is None else self.region.keep_forbidden(guide, problem.canvas, self.size)
+
+
+def unrest_of(canvas: Tensor, guide: Tensor, grid: PixelGrid) -> Tensor:
+    """Returns the unrest [H, W] of a canvas [3, H, W] under light, even areas of a guide [3, H, W] that differ from it.
+
+    People see every speck of the bare canvas there, although a speck adds little to the squared error.
+    """
+    light = guide.mean(0, keepdim=True)
+    mean, square = images.gaussian_blur(torch.cat((light, light.square())), _SURROUNDINGS / grid.pitch[1])
+    even = _EVEN / (_EVEN + (square - mean.square()).clamp(min=0))
+    return _SPECKS * even * (light[0] / _LIGHT).clamp(max=1).square() * (canvas - guide).square().mean(0)
 
 
 # Processors and libraries each report a lack of memory in their own words.

@@ -31,7 +31,7 @@ from frida_painter.planning.fields import (
     limits_of,
     rgb,
 )
-from frida_painter.planning.form_control import Control
+from frida_painter.planning.form_control import TENTHS, Control
 from frida_painter.system.storage import count_of
 
 
@@ -230,6 +230,11 @@ class PlanSettings(SettingSection):
     """Part of a picture that matters most. faces: faces, if there are any; none: every place is worth the same; X,Y,R:
     a place, such as the head of an animal, with shares of the picture's width from the left, of its height from the
     top, and of its shorter side as the radius. May be repeated."""
+    form: float = setting(
+        1.0, form=Control("Strokes follow form", TENTHS, {0: "{:g}, none", 0.1: "{:g}", 1: "{:g}, all"}),
+        ge=0, le=1,
+    )  # fmt: skip
+    """Share of strokes that follow the form of a photograph: its edges, hair and grain. 0 is none, 1 is all."""
     render_height: int = setting(256, ge=64, le=2048)
     """Height of the planning image in pixels. Higher is finer and slower."""
     effort: float = setting(1.0, form=Control(), ge=0.05, le=20)

@@ -252,18 +252,20 @@ def render_moments(
     size: CanvasSize,
     spread: CoverageSpread,
     rows: Rows = ALL_ROWS,
+    variance: Tensor | None = None,
 ) -> Moments:
     """Renders mean [3, H, W] and variance [H, W] of the picture, like `render`.
 
     spread: variance of the coverage from stroke to stroke. Without variance the mean is the picture of `render`.
     rows: rows to render, as in `render`
+    variance: variance of the canvas on these rows; None for zero
     """
-    if spread.share == 0:
+    if spread.share == 0 and variance is None:
         picture = render(strokes, stroke_model, canvas, size, rows)
         return Moments(picture, torch.zeros_like(picture[0]))
     marks = marks_of(strokes, stroke_model, PixelGrid(size, *canvas.shape[1:]), rows)
     answers = not isinstance(stroke_model, StrokeTable)
-    return composite_moments(*marks, strokes.color, rows.of(canvas), spread, bare_cells_answer=answers)
+    return composite_moments(*marks, strokes.color, rows.of(canvas), spread, variance, bare_cells_answer=answers)
 
 
 # Plans as pictures of any size

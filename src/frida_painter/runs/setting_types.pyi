@@ -28,6 +28,7 @@ class Settings(TypedDict, total=False):
     strokes_of: str | Path | Sequence[str | Path] | None
     layers: int | None
     focus: str | Sequence[str]
+    form: float
     render_height: int
     effort: float
     planner: str
