@@ -2,7 +2,7 @@
 
 import functools
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -35,13 +35,14 @@ two
 """
 _LEVELS, _EVERY_LEVEL = (0, 1, 3, 9, 27), tuple(range(EASY_PARTS + 1))  # parts that are tested first, and then
 _CHOSEN, _NEAREST = 8, 400  # combinations of paints, and mixtures of them, that are tested further
+_FEW, _KEPT = 6, 40  # paints in mixtures of four; combinations whose mixtures are kept
 # Traces: added parts, factors of the other parts, and mixtures to which traces are added.
 _ADDED, _FACTORS, _SEEDS = (1, 2, 3), (1, 2, 3, 6, 12, 40, 100), 16
 # CIEDE2000 that a simpler recipe may cost: for each paint less, half as many parts, no traces, no black in lights.
 _PER_PAINT, _PER_DOUBLING, _PER_TRACE = 0.6, 0.25, 1.5
 _PER_BLACK, _DARK, _FAR = 4.0, 45.0, 100.0
 _PER_OKLAB = 100.0  # CIEDE2000 of a difference of 1 in OKLab, about
-_ALIKE, _CLIPPED = (1.0, 1.0, 1.0), (0.5, 1.0, 2.0)  # weights of lightness, chroma and hue within and out of reach
+_ALIKE, _CLIPPED = (1.0, 1.0, 1.0), (0.7, 1.0, 2.0)  # weights of lightness, chroma and hue within and out of reach
 # Linear sRGB to the cones' answers, and their cube roots to OKLab.
 _CONES = (
     (0.4122214708, 0.5363325363, 0.0514459929),
@@ -214,7 +215,7 @@ class _Mixer:
         together = min(most, EASY_PAINTS)
         self._combinations = list(itertools.combinations(range(len(owned.paints)), together))
         self._rough = self._mix(self._parts(_LEVELS, self._combinations))
-        self._every: dict[int, _Mixtures] = {}  # all easy mixtures of a combination of paints
+        self._kept: dict[tuple[int, ...], _Mixtures] = {}  # all easy mixtures of a combination of paints
         lab = to_lab(self._rough.color)
         greyness = lab[:, 1:].norm(dim=1)
         lightness = lab[greyness <= max(_GREY, float(greyness.min())), 0]
@@ -226,23 +227,24 @@ class _Mixer:
     def recipe(self, color: Tensor) -> Recipe:
         """Returns the recipe of a colour sRGB [3]."""
         aim = self._within_lightness(to_lab(color))
-        found, near = self._cheapest(self._near(aim, _ALIKE), aim)
+        nearest, combinations = self._near(aim, _ALIKE)
+        found, near = self._cheapest(nearest, aim)
         easy = self._recipe(color, aim, found)
         if near:
             return easy
-        found, _ = self._cheapest(found + self._hard, aim)
+        found, _ = self._cheapest(found + self._hard(combinations), aim)
         for most in (MAX_PARTS // 2, MAX_PARTS):
             found, near = self._cheapest(self._mix(self._with_traces(found.parts, most)), aim)
             hard = self._recipe(color, aim, found)
             if near:
                 return hard
         best = min(easy, hard, key=lambda recipe: recipe.off)
-        return best if best.within_reach else self._recipe(color, aim, self._near(aim, _CLIPPED))
+        return best if best.within_reach else self._recipe(color, aim, self._near(aim, _CLIPPED)[0])
 
-    @functools.cached_property
-    def _hard(self) -> _Mixtures:
-        """Rough mixtures of as many paints as a recipe may have."""
-        return self._mix(self._parts(_LEVELS, itertools.combinations(range(len(self._paints)), self._most)))
+    def _hard(self, combinations: list[tuple[int, ...]]) -> _Mixtures:
+        """Returns rough mixtures of as many paints as a recipe may have, of the first few in these combinations."""
+        paints = list(dict.fromkeys(itertools.chain(*combinations)))[:_FEW]
+        return self._mix(self._parts(_LEVELS, list(itertools.combinations(paints, min(self._most, len(paints))))))
 
     def _cheapest(self, mixtures: _Mixtures, aim: Tensor) -> tuple[_Mixtures, bool]:
         """Returns the cheapest mixtures for the Lab colour `aim` [3], near ones first, and whether there are any."""
@@ -261,10 +263,10 @@ class _Mixer:
         off, missed = (float(ciede2000(to_lab(found.color[0]), lab)) for lab in (to_lab(color), aim))
         return Recipe(color, tuple(used), found.color[0], off, missed)
 
-    def _near(self, aim: Tensor, weights: tuple[float, float, float]) -> _Mixtures:
-        """Returns the easy mixtures nearest to the Lab colour `aim` [3] in OKLab, the cheapest first.
+    def _near(self, aim: Tensor, weights: tuple[float, float, float]) -> tuple[_Mixtures, list[tuple[int, ...]]]:
+        """Returns the easy mixtures nearest to the Lab colour `aim` [3], and their combinations; the cheapest first.
 
-        weights: of lightness, chroma and hue
+        weights: of lightness, chroma and hue in OKLab
         """
         target = _to_oklab(from_lab(aim))
 
@@ -272,20 +274,25 @@ class _Mixer:
             apart = _PER_OKLAB * _apart(mixtures.oklab, target, weights)
             return apart + self._price(mixtures.parts) + _PER_BLACK * self._has_black(mixtures.parts, aim)
 
-        best = cost(self._rough).reshape(len(self._combinations), -1).amin(1).argsort(stable=True)[:_CHOSEN].tolist()
-        for number in best:
-            if number not in self._every:
-                self._every[number] = self._mix(self._parts(_EVERY_LEVEL, [self._combinations[number]]))
-        near = [self._every[number].cheapest(cost(self._every[number]), _NEAREST) for number in best]
+        order = cost(self._rough).reshape(len(self._combinations), -1).amin(1).argsort(stable=True)
+        best = [self._combinations[number] for number in order[:_CHOSEN].tolist()]
+        near = [(every := self._every(paints)).cheapest(cost(every), _NEAREST) for paints in best]
         found = functools.reduce(_Mixtures.__add__, near)
-        return found.cheapest(cost(found), _NEAREST)
+        return found.cheapest(cost(found), _NEAREST), best
 
-    def _parts(self, levels: tuple[int, ...], combinations: Iterable[tuple[int, ...]]) -> Tensor:
+    def _every(self, paints: tuple[int, ...]) -> _Mixtures:
+        """Returns all easy mixtures of a combination of paints."""
+        if paints not in self._kept:
+            if len(self._kept) == _KEPT:
+                del self._kept[next(iter(self._kept))]
+            self._kept[paints] = self._mix(self._parts(_EVERY_LEVEL, [paints]))
+        return self._kept[paints]
+
+    def _parts(self, levels: tuple[int, ...], combinations: list[tuple[int, ...]]) -> Tensor:
         """Returns all mixtures [m, n] of combinations of paints at these levels in lowest terms, of easy size."""
-        chosen = list(combinations)
-        parts = _easy_parts(levels, len(chosen[0]))
-        found = parts.new_zeros(len(chosen), len(parts), len(self._paints))
-        for at, paints in enumerate(chosen):
+        parts = _easy_parts(levels, len(combinations[0]))
+        found = parts.new_zeros(len(combinations), len(parts), len(self._paints))
+        for at, paints in enumerate(combinations):
             found[at, :, list(paints)] = parts
         return found.flatten(0, 1)
 
