@@ -179,9 +179,8 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
                     )
 
             made = run.plan(hear)
-        bare = run.planner.bare
-        images.save(run.planner.expected(made, bare), folder / "plan.png")
-        forecast = run.planner.forecast(made, bare)
+        picture, forecast = run.planner.expected(made), run.forecast(made)
+        images.save(picture, folder / "plan.png")
         for layer, part in made.by_wells():
             images.save(palette_sheet(part), folder / sheet_file("palette.png", layer))
         run.plan_into(folder, made)  # the last, because its record holds the hashes of all files
@@ -189,7 +188,7 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
         f"The plan:    {folder / 'plan.json'}",
         f"As picture:  {folder / 'plan.png'}",
         f"Palette:     {folder / 'palette.png'}",
-        *([f"Similarity:  {forecast}"] if forecast else []),
+        *([f"Similarity:  {forecast} (PSNR at {picture.shape[2]} x {picture.shape[1]} pixels)"] if forecast else []),
         *(f"{what}: {words}" for what, words in mixing_changes(made).items()),
     )
 

@@ -234,8 +234,7 @@ class Ladder(Comparison):
 
     def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
         """Measures the true canvas and the plan beside the photograph."""
-        wanted, planner = images.fit(scene[0].picture, *painted.planned.shape[1:]), painted.run.planner
-        forecast = planner.forecast(painted.plan, planner.bare)
+        wanted, forecast = images.fit(scene[0].picture, *painted.planned.shape[1:]), painted.run.forecast(painted.plan)
         assert forecast is not None  # the goal is a photograph
         return {
             SIMILARITY: psnr(painted.truth, wanted),

@@ -52,6 +52,7 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
     names = {path.name for path in (tmp_path / "planned").iterdir()}
     assert {"plan.json", "plan.png", "palette.png", "record.json", "goal"} < names and len(names) == 6
     assert all(str(Path("planned") / name) in out for name in ("plan.json", "plan.png", "palette.png"))
+    assert re.search(r"Similarity: +[\d.]+ dB expected, [\d.]+ to [\d.]+ \(PSNR at 85 x 64 pixels\)", out)
 
     pictures = []
     for height, name in ((64, "small.png"), (300, "large.jpg")):
@@ -121,6 +122,24 @@ def test_a_painting_from_the_command_line_leaves_everything_in_its_folder(
     assert len(Plan.load(folder)) == 9
     with Image.open(folder / "painting.png") as painting:
         assert painting.size == (1152, 864)
+    with Image.open(folder / "plan.png") as plan:
+        size = plan.size
+
+    def compute(*names: str) -> float:
+        """The PSNR of two files, as a reader computes it."""
+        one, other = (
+            np.asarray(Image.open(folder / name).convert("RGB").resize(size, Image.Resampling.BOX), float) / 255
+            for name in names
+        )
+        return float(-10 * np.log10(((one - other) ** 2).mean()))
+
+    near = compute("painting.png", "target.jpg")
+    assert f"The painting against the photograph: {near:.2f} dB (PSNR at {size[0]} x {size[1]} pixels)" in out
+    page = (folder / "index.html").read_text()
+    assert f"{size[0]} x {size[1]} pixels" in page and f"{near:.2f}<" in page
+    pairs = ("plan.png", "target.jpg"), ("painting.png", "target.jpg"), ("painting.png", "plan.png")
+    told = [(each["psnr_db"], each["pixels"]) for each in result["comparisons"]]
+    assert told == [(pytest.approx(compute(*pair), abs=0.002), list(size)) for pair in pairs]
 
 
 def test_help_is_written_for_painters(run: Run) -> None:

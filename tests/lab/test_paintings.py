@@ -57,11 +57,10 @@ class MadeUp:
     def __call__(self, experiment: Comparison, run: StudioRun, notify: Any) -> Painted:
         self.painted.append(run)
         planned = of_chance(run.labels.get("seed"))
-        planner = SimpleNamespace(forecast=lambda plan, canvas: SimpleNamespace(expected=6.5), bare=None)
         plan = SimpleNamespace(strokes=some_strokes(6), canvas=CANVAS)
         painting = 0.8 * planned + 0.2 * of_chance(*run.labels.values())
         expected = {done: planned + 0.01 * done for done in range(0, run.spec.strokes + 1, 3)}
-        opened: Any = SimpleNamespace(planner=planner, spec=run.spec)
+        opened: Any = SimpleNamespace(forecast=lambda plan: SimpleNamespace(expected=6.5), spec=run.spec)
         return Painted(opened, plan, planned, painting, painting, 1.5, expected)  # type: ignore[arg-type]
 
 

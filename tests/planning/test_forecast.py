@@ -44,11 +44,21 @@ def photograph(on: PlanningProblem) -> torch.Tensor:
 
 def test_it_expects_the_squared_error_of_all_paintings_of_the_plan() -> None:
     on, strokes = varying(0.5), some_strokes(12)
-    found = forecast(goal(), [strokes], [on], Placement.unknown(), 0)
+    found = forecast(goal(), [strokes], [on], None, 12)
     mean, variance = on.moments(strokes)
     error = float((mean - photograph(on)).square().mean() + variance.mean())
     assert found.expected == pytest.approx(-10 * math.log10(error), abs=1e-4)
     assert found.least < found.expected < found.most
+
+
+def test_what_goes_wrong_by_chance_is_repaired_by_strokes_that_are_planned_after_a_look() -> None:
+    blind, half, all_but_half, seen = (
+        forecast(goal(), [some_strokes(12)], [varying(0.5)], None, unseen, painted=painted).expected
+        for unseen, painted in ((12, 0), (6, 0), (0, 12), (0, 0))
+    )
+    assert blind < half < seen and half == pytest.approx(all_but_half)
+    sure = [forecast(goal(), [some_strokes(12)], [varying(0)], None, unseen).expected for unseen in (0, 12)]
+    assert sure[0] == pytest.approx(sure[1]), "there is no chance"
 
 
 def test_the_range_by_chance_is_that_of_strokes_that_leave_more_or_less_paint() -> None:
@@ -75,8 +85,8 @@ def test_what_is_not_known_of_the_placement_costs_as_long_as_it_is_not_seen() ->
     sure, later, never = (forecast(goal(), [strokes], [on], known(4.0), unseen) for unseen in (0, 3, 12))
     assert sure.expected >= later.expected >= never.expected
     assert never.most - never.least > sure.most - sure.least
-    exact = forecast(goal(), [strokes], [on], known(1e-6), 12)
-    assert exact.expected == pytest.approx(sure.expected, abs=1e-3)
+    exact, blind = (forecast(goal(), [strokes], [on], placement, 12) for placement in (known(1e-6), None))
+    assert exact.expected == pytest.approx(blind.expected, abs=1e-3)
 
 
 def test_strokes_of_two_brushes_are_laid_one_over_the_other() -> None:

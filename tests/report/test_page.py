@@ -40,7 +40,7 @@ STORY: dict[str, Any] = {
     "has_recipes": True,
     "paints": paints(made_up_plan(40)),
     "looks": LOOKS,
-    "comparisons": (PictureComparison("the painting to the photograph", 18.24, 12.5),),
+    "comparisons": (PictureComparison("the painting to the photograph", 18.24, 12.5, (340, 256)),),
     "watched": True,
     "left_out": 2,
     "arm_film": "",

@@ -140,9 +140,9 @@ def test_the_figures_are_those_of_the_evening(tmp_path: Path) -> None:
     assert {name: result[name] for name in wanted} == wanted
     assert "24.1 dB expected, 23.6 to 24.5" in (tmp_path / "index.html").read_text()
     plan, painting, between = result["comparisons"]  # type: ignore[misc]
-    assert plan["psnr_db"] == pytest.approx(20, abs=0.1), "0.5 against 0.4"
-    assert painting["psnr_db"] == pytest.approx(34, abs=0.3), "0.42 against 0.4, in a picture of 8 bits"
-    assert between["psnr_db"] == pytest.approx(21.9, abs=0.1), "0.42 against 0.5"
+    assert plan["psnr_db"] == pytest.approx(19.83, abs=0.01), "128 against 102 of 255"
+    assert painting["psnr_db"] == pytest.approx(34.15, abs=0.01), "107 against 102"
+    assert between["psnr_db"] == pytest.approx(21.69, abs=0.01), "107 against 128"
 
 
 def test_the_plan_on_record_is_what_was_painted(tmp_path: Path) -> None:

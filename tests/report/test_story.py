@@ -21,9 +21,10 @@ def test_paints_are_counted_and_measured() -> None:
 
 
 def test_pictures_are_compared() -> None:
-    gray = torch.full((3, 20, 20), 0.5)
-    same = compare("same", gray, gray)
+    gray = torch.full((3, 20, 20), 0.4)
+    same = compare("same", gray, gray, 10, 10)
     assert same.psnr == pytest.approx(100) and same.distance == 0
-    lighter = compare("lighter", gray + 0.1, gray)
-    assert lighter.psnr == pytest.approx(20, abs=1e-3)
-    assert 9 < lighter.distance < 11 and math.isfinite(lighter.distance)
+    lighter = compare("lighter", gray + 0.2, gray, 10, 5)
+    assert lighter.psnr == pytest.approx(13.98, abs=0.01)
+    assert str(lighter) == f"lighter: {lighter.psnr:.2f} dB (PSNR at 5 x 10 pixels)"
+    assert 19 < lighter.distance < 21 and math.isfinite(lighter.distance)

@@ -124,7 +124,7 @@ class NotingPlanner:
         return self.validation_loss(self.expected(plan, canvas))
 
     def forecast(
-        self, plan: Plan, canvas: Tensor, placement: Placement, unseen: int, wetness: Wetness | None = None
+        self, plan: Plan, canvas: Tensor, placement: Placement, unseen: int, wetness: Wetness | None, painted: int
     ) -> SimilarityForecast:
         self.wet.append(wetness)
         assert 0 <= unseen <= len(plan)

@@ -545,11 +545,12 @@ class Planner:
         placement: Placement | None = None,
         unseen: int = 0,
         wetness: Wetness | None = None,
+        painted: int = 0,
     ) -> SimilarityForecast | None:
         """Forecasts the similarity of the plan's painting to its photograph; see forecast.py."""
         seen = images.resize_by_area(as_picture(canvas), self.fine.rows, self.fine.columns)
         stacked, change = self.problems.stack(plan, seen, self.fine), self._change_by(wetness, plan)
-        return forecast(self.goal, *stacked, placement, unseen, change)
+        return forecast(self.goal, *stacked, placement, unseen, change, painted)
 
     def validation_loss(self, picture: AnyPicture) -> float:
         """Returns the distance of a picture [3, H, W] of the canvas to the goal, by its validation if it has one."""

@@ -34,7 +34,7 @@ _draw_svg = Later("frida_painter.report.vector:svg")
 _write_table = Later("frida_painter.report.vector:table")
 _write_page = Later("frida_painter.report.page:write_page")
 
-_RESULT = "result.json"
+_RESULT, _TARGET = "result.json", "target.jpg"
 _FORECAST = ("expected_psnr_db", "least_psnr_db", "most_psnr_db")
 
 
@@ -63,6 +63,7 @@ class Recorder:
 
     models: stroke models of the brushes, by name
     state: of the painting, with its earlier sittings
+    similarity: of the finished painting to its photograph or else to the first plan, in words; "" if not known
 
     Every file is either complete or absent. During the painting, pictures are left out if the disk is full.
     Raises StorageError if the page or the painting cannot be written.
@@ -76,6 +77,7 @@ class Recorder:
         self._plan: Plan | None = None
         self._first_expected: Tensor | None = None
         self._recipes: tuple[Recipe, ...] = ()
+        self.similarity = ""
         self._left_out = 0
         self._filming = True
         self._in_hand: Future[None] | None = None  # the timelapse frame in progress
@@ -85,7 +87,7 @@ class Recorder:
         self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot goes on painting
         self._film = FilmWriter(self.folder / "film.mp4", self.described.frames)
         if self.described.target is not None:
-            images.save(self.described.target, self.folder / "target.jpg")
+            images.save(self.described.target, self.folder / _TARGET)
         return self
 
     def __exit__(
@@ -132,6 +134,7 @@ class Recorder:
         storage.write_text(self.folder / "strokes.csv", _write_table(painted))
         images.save(painting.photograph, self.folder / "painting.png")
         comparisons = self._compare(painting.photograph, self._first_expected)
+        self.similarity = next((str(one) for one in comparisons if one.label.startswith("The painting")), "")
         story = {
             "described": self.described,
             "state": self.state,
@@ -216,19 +219,12 @@ class Recorder:
         return [(look.told, look.planned) for look in self.state.looks if look.planned and look.planned.look]
 
     def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[PictureComparison, ...]:
-        """Returns comparisons of plan, painting and, if there is one, target, at the plan's resolution."""
-        rows, columns = first_expected.shape[1:]
-        given = self.described.target
-        target = None if given is None else images.fit(given, rows, columns)
-        label = "The first plan against the photograph"
-        planned = () if target is None else (compare(label, first_expected, target),)
-        if not self._watched:  # nobody knows how near the painting came
-            return planned
-        painted = images.fit(photograph, rows, columns)
-        against_plan = compare("The painting against the first plan", painted, first_expected)
-        if target is None:
-            return (against_plan,)
-        return (*planned, compare("The painting against the photograph", painted, target), against_plan)
+        """Returns comparisons of plan, painting and, if there is one, target, as in their files, at the plan's size."""
+        size, plan = first_expected.shape[1:], ("first plan", first_expected)
+        painting = [("painting", photograph)] if self._watched else []  # else nobody knows how near it came
+        target = [] if self.described.target is None else [("photograph", images.load(self.folder / _TARGET))]
+        pairs = [(one, to) for to in target for one in (plan, *painting)] + [(one, plan) for one in painting]
+        return tuple(compare(f"The {one} against the {other}", a, b, *size) for (one, a), (other, b) in pairs)
 
     def _write_result(self, plan: Plan, painting: Painting, comparisons: tuple[PictureComparison, ...]) -> None:
         state = self.state
@@ -254,7 +250,7 @@ class Recorder:
                 "plan_digest": plan.digest,
                 "palette": [paint.hex for paint in paints(plan)],
                 "comparisons": [
-                    {"what": one.label, "psnr_db": round(one.psnr, 3), "lab_distance": round(one.distance, 3)}
+                    {"what": one.label, "psnr_db": one.psnr, "lab_distance": one.distance, "pixels": one.size}
                     for one in comparisons
                 ],
                 "forecasts": [

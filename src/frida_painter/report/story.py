@@ -8,6 +8,7 @@ from torch import Tensor
 from frida_painter.mixing.recipe import Recipe
 from frida_painter.strokes.palette import to_hex, to_lab
 from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 
 
 @dataclass(frozen=True)
@@ -41,11 +42,16 @@ class PictureComparison:
     label: what is compared
     psnr: dB
     distance: mean distance in Lab; 2 is just visible
+    size: columns and rows in pixels at which they are compared
     """
 
     label: str
     psnr: float
     distance: float
+    size: tuple[int, int]
+
+    def __str__(self) -> str:
+        return f"{self.label}: {self.psnr:.2f} dB (PSNR at {self.size[0]} x {self.size[1]} pixels)"
 
 
 def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]:
@@ -74,8 +80,9 @@ def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]
     )
 
 
-def compare(label: str, picture: Tensor, reference: Tensor) -> PictureComparison:
-    """Returns the similarity of `picture` to `reference`, both sRGB [3, H, W] in [0, 1]."""
+def compare(label: str, picture: Tensor, reference: Tensor, rows: int, columns: int) -> PictureComparison:
+    """Returns the similarity of `picture` to `reference`, both sRGB [3, H, W] in [0, 1], at `rows` x `columns`."""
+    picture, reference = (images.shrink_to_compare(each, rows, columns) for each in (picture, reference))
     error = (picture - reference).double().square().mean().clamp(min=1e-10)
     apart = (to_lab(picture.permute(1, 2, 0)) - to_lab(reference.permute(1, 2, 0))).norm(dim=-1).mean()
-    return PictureComparison(label, float(-10 * error.log10()), float(apart))
+    return PictureComparison(label, round(-10 * float(error.log10()), 3), round(float(apart), 3), (columns, rows))

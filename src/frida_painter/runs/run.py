@@ -38,6 +38,7 @@ from frida_painter.errors import (
 from frida_painter.hardware.easel import Easel
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.perception.color import read_palette
+from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
@@ -105,6 +106,7 @@ class RunOutcome:
     page: its report.
     trouble: error that ended the run, if any.
     calibration: calibration record that was updated, if any.
+    similarity: of the painting to its photograph, or else to its first plan, in words.
     """
 
     folder: Path
@@ -112,6 +114,7 @@ class RunOutcome:
     page: Path | None
     trouble: FridaError | None = None
     calibration: Path | None = None
+    similarity: str = ""
 
 
 class PaintingRun:
@@ -363,6 +366,11 @@ class PaintingRun:
         made = self._fitted.spec  # before brushes and ground were chosen, so that they are chosen again
         return RunRecord.begin(self.folder, kind, made, self.spec.brush_names, self.planner.device.type, given=given)
 
+    def forecast(self, plan: Plan) -> SimilarityForecast | None:
+        """Forecasts the similarity of the plan's painting to its photograph, with the looks of the description."""
+        unseen = replan_policy(self.spec).next_look(0, len(plan)) if len(plan) else 0
+        return self.planner.forecast(plan, self.planner.bare, unseen=unseen)
+
     def plan_into(self, folder: str | Path, plan: Plan) -> None:
         """Writes a plan of this run into a folder, with its goal and the record of how it was made."""
         self._folder = folder = Path(folder)
@@ -441,7 +449,7 @@ class PaintingRun:
             painting = Painting(canvas, state.painted, None, state.robot_seconds)
             if self._run_record is not None:
                 self._results = {"painting": hash_picture(canvas), **self._run_record.results}
-            return RunOutcome(self.folder, painting, recorder.finish(painting))
+            return RunOutcome(self.folder, painting, recorder.finish(painting), similarity=recorder.similarity)
 
     def _on_record(self, easel: Easel) -> Easel:
         """Returns the easel with its calibration record; a simulated easel may ignore the record of another easel."""
@@ -550,7 +558,7 @@ class PaintingRun:
         kept = None
         if not trouble and painting is not None:
             kept = keep_learned(self.spec, self._record, session.hand.placement, painting, session.learn_wet_paint)
-        return self._conclude(RunOutcome(self.folder, painting, page, trouble, kept))
+        return self._conclude(RunOutcome(self.folder, painting, page, trouble, kept, recorder.similarity))
 
     def _conclude(self, outcome: RunOutcome) -> RunOutcome:
         """Adds further results, tells which results there are, and returns the outcome."""

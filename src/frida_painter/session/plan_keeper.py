@@ -234,7 +234,7 @@ class PlanKeeper:
         if len(rest):
             unseen = self._policy.next_look(progress.painted, progress.strokes) - progress.painted
         expected, after = planner.expected(rest, canvas, wetness), planner.expected_loss(rest, canvas, wetness)
-        forecast = planner.forecast(rest, canvas, placement, unseen, wetness)
+        forecast = planner.forecast(rest, canvas, placement, unseen, wetness, progress.painted)
         similarity = None if forecast is None else (forecast.expected, forecast.least, forecast.most)
         self._tell(Planned(progress.painted, len(rest), before, after, similarity, plan=rest, expected=expected))
         return after

@@ -158,6 +158,11 @@ def resize_by_area(image: Tensor, rows: int, columns: int) -> Tensor:
     return torch.from_numpy(shrunk).permute(2, 0, 1).contiguous().to(image)
 
 
+def shrink_to_compare(image: Tensor, rows: int, columns: int) -> Tensor:
+    """Returns the picture in bytes, each new pixel the mean of its area: by Pillow, so that anybody can do it."""
+    return from_uint8(np.asarray(Image.fromarray(to_uint8(image)).resize((columns, rows), Image.Resampling.BOX)))
+
+
 def crop(image: Tensor, box: tuple[float, float, float, float]) -> Tensor:
     """Returns a part of a picture [3, H, W], in whole pixels and at least one.
 

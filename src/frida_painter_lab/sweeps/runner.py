@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter.errors import ConfigError, PlanError, WorkerUnfit
+from frida_painter.report.story import compare
 from frida_painter.runs.painting_folder import content_hash
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
@@ -21,7 +22,7 @@ from frida_painter.system import images
 from frida_painter.system.provenance import describe_here, identify
 from frida_painter_lab.engine import Share, TaskLimits, slots_here
 from frida_painter_lab.experiment import Notify, do_shares, find_runs, silent
-from frida_painter_lab.measures import mse, psnr
+from frida_painter_lab.measures import mse
 from frida_painter_lab.runs import RunFolder
 from frida_painter_lab.sweeps.report import SweepState, fold, keep_table
 from frida_painter_lab.sweeps.sweep_spec import FileHashes, SweepFolder, SweepRun, SweepSpec, expand_runs
@@ -102,14 +103,13 @@ def _figures(kind: str, opened: PaintingRun, made: Plan | None, folder: RunFolde
     if made is None:
         plan.save(folder.path / "plan.json")
     picture = planner.expected(plan, bare)
-    wanted = None if target is None else images.fit(target, *picture.shape[1:])
     images.save(picture, folder.path / "plan.png")
     figures: dict[str, float] = {"strokes planned": len(plan), "loss of the plan": planner.expected_loss(plan, bare)}
-    forecast = planner.forecast(plan, bare)
+    forecast = opened.forecast(plan)
     if forecast is not None:
         figures["expected dB"] = forecast.expected
-    if wanted is not None:
-        figures["plan dB"] = psnr(picture, wanted)
+    if target is not None:
+        figures["plan dB"] = compare("plan", picture, target, *picture.shape[1:]).psnr
     if kind != "plan":
         painting = opened.simulate(plan)
         images.save(painting.photograph, folder.path / "painting.png")
@@ -117,8 +117,8 @@ def _figures(kind: str, opened: PaintingRun, made: Plan | None, folder: RunFolde
         figures["strokes painted"] = painting.painted
         figures["robot seconds"] = painting.robot_seconds
         figures["sim2real error"] = mse(seen, picture)
-        if wanted is not None:
-            figures["painting dB"] = psnr(seen, wanted)
+        if target is not None:
+            figures["painting dB"] = compare("painting", painting.photograph, target, *picture.shape[1:]).psnr
     return figures
 
 
