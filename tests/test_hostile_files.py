@@ -97,12 +97,12 @@ def resume(folder: Path) -> None:
     with contextlib.closing(found.journal):
         known = found.history
         resuming.light(known)
-        resuming.load_photograph(folder, known.last_photograph)
+        resuming.load_photograph(folder, known.pictures.last)
         resuming.region(folder, known)
-        resuming.load_canvas(folder, known.last_photograph, known, found.spec.canvas, folder / "calibration.json")
-        known.wet(datetime.now(UTC))
+        resuming.load_canvas(folder, known.pictures.last, known, found.spec.canvas, folder / "calibration.json")
+        known.progress.wet(datetime.now(UTC))
         if found.plan is not None:
-            found.plan.plan.part(slice(found.plan.planning.done, known.painted))
+            found.plan.plan.part(slice(found.plan.planning.done, known.progress.painted))
         order(found.spec, found.spec.brush_names, folder)
         painting_folder.are_there(folder, 6)
 

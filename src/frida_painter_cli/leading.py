@@ -150,7 +150,7 @@ class Leader:
         return self._run.folder / PAUSE_FILE
 
     def _pause_cause(self) -> PauseCause | None:
-        if self._run.painting.paused:  # what is done in a pause asks for no other one
+        if self._run.painting.wishes.paused:  # what is done in a pause asks for no other one
             return None
         self._held = self._pause_file.exists()
         if self._held or (self._proposer is not None and self._proposer.wants_pause()):
@@ -241,9 +241,9 @@ def follow(folder: Path) -> None:
             time.sleep(_GLANCE)
             at_work = locks.is_held(place / JOURNAL)
             news = state.hear_journal(reader.stream(), place)
-    ended = f"It {state.doing}." if state.doing in ENDS else "It is not at its end."
-    told = (f"{state.painted} of {count_of(state.of, 'stroke')} painted.", ended, state.trouble, state.unknown_sentence)
-    say(" ".join(filter(None, told)))
+    ended = f"It {state.progress.doing}." if state.progress.doing in ENDS else "It is not at its end."
+    done = f"{state.progress.painted} of {count_of(state.progress.of, 'stroke')} painted."
+    say(" ".join(filter(None, (done, ended, state.end.trouble, state.sittings.unknown_sentence))))
 
 
 def answer_early(run: PaintingRun) -> Callable[[Question], Answer]:

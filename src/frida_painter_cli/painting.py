@@ -253,15 +253,16 @@ def resume(
         from frida_painter_cli.options import require_person
         from frida_painter_cli.stop_signal import stop_on_signals
 
-        if (history := history_of(folder)).finished and led is None and are_there(folder, history.painted):
-            say(f"This painting is finished: {history.painted} strokes, and nothing is left to do.")
+        painted = (history := history_of(folder)).progress.painted
+        if history.end.finished and led is None and are_there(folder, painted):
+            say(f"This painting is finished: {painted} strokes, and nothing is left to do.")
             return
         prepare_process()
         changed, other = accept_changes, led is None
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=changed, pace=pace, forget_stop=other))
-        if history.finished:
-            say(f"This painting is finished: {history.painted} strokes. Its page and pictures are made again.")
-            tell(run.resume(), history.painted, history.seconds, watched=run.spec.has_camera or history.is_pictured)
+        if history.end.finished:
+            say(f"This painting is finished: {painted} strokes. Its page and pictures are made again.")
+            tell(run.resume(), painted, history.sittings.seconds, watched=run.spec.has_camera or history.is_pictured)
             return
         require_person(run.spec, asked=not yes)
         require_proposer(propose, together=run.spec.together)
@@ -343,19 +344,18 @@ def _show(run: "PaintingRun") -> None:
     from frida_painter.session.time_left import duration
     from frida_painter_cli.leading import say
 
-    history, spec = run.history, run.spec
-    assert history is not None
-    sittings = "one sitting" if history.runs == 1 else f"{history.runs} sittings"
+    state, spec, progress, times = run.painting, run.spec, run.painting.progress, run.painting.sittings
+    sittings = "one sitting" if times.count == 1 else f"{times.count} sittings"
     say(
-        f"{spec.heading}: {history.painted} of {spec.strokes} strokes on a canvas of "
-        f"{spec.canvas}, painted in {sittings} of {duration(history.seconds)}."
+        f"{spec.heading}: {progress.painted} of {spec.strokes} strokes on a canvas of "
+        f"{spec.canvas}, painted in {sittings} of {duration(times.seconds)}."
     )
-    if history.last is not None:
-        say(f"It broke off on {history.last.astimezone():%Y-%m-%d at %H:%M:%S}.")
-    if history.last_photograph is not None:
-        say(f"The last photograph is {run.folder / history.last_photograph}")
-    if history.in_doubt is not None:
-        say(f"Stroke {history.in_doubt} was begun, and nothing tells whether it was painted.")
+    if times.last is not None:
+        say(f"It broke off on {times.last.astimezone():%Y-%m-%d at %H:%M:%S}.")
+    if state.pictures.last is not None:
+        say(f"The last photograph is {run.folder / state.pictures.last}")
+    if progress.in_doubt is not None:
+        say(f"Stroke {progress.in_doubt} was begun, and nothing tells whether it was painted.")
 
 
 def register(app: typer.Typer) -> None:

@@ -67,10 +67,10 @@ class PaintingLine(Line):
         if isinstance(event, events.Remark) and event.about != "last look":  # which is told at the end
             self.console.print(event.sentence, markup=False)
         state = self._state()
-        passed, left = state.seconds, state.time.remaining
+        passed, left = state.sittings.seconds, state.planning.time.remaining
         self.update(
             self.task,
-            description=_words(event, state.pace) or self.tasks[0].description,
+            description=_words(event, state.progress.pace) or self.tasks[0].description,
             completed=passed / max(passed + left, 1e-9),
             left=left,
         )

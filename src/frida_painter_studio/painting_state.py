@@ -6,7 +6,7 @@ files are there. Every view of the studio shows this status.
 
 import shutil
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from datetime import datetime
 from typing import Any, Literal, Self, cast
 
@@ -15,7 +15,7 @@ from frida_painter.easel.kinds import JOURNAL
 from frida_painter.errors import ConfigError
 from frida_painter.session import events
 from frida_painter.session.events import Event
-from frida_painter.session.fold import ENDS, Doing, LookState, PaintingState
+from frida_painter.session.fold import ENDS, Doing, PaintingState
 from frida_painter_studio.form import SETTINGS
 from frida_painter_studio.pace import WorkTimes
 from frida_painter_studio.studio_folder import PaintingFolder, QueuedJob, working
@@ -23,7 +23,20 @@ from frida_painter_studio.studio_folder import PaintingFolder, QueuedJob, workin
 _VANISHED = "The {}'s process ended in the middle of its work, without saying why."
 _LITTLE_ROOM = 64 * 2**20  # bytes
 _MAX_LOOKS = 200
-_PAINTING = ("of", "photograph", "growing", "brush", "paint", "dips", "since_dip")  # as PaintingState tells them
+
+
+def plain(value: Any, place: str = "") -> Any:
+    """Returns a record, with the records in it, as plain values under the same names.
+
+    place: path that no page shows; sentences name "its folder" instead.
+    """
+    if is_dataclass(value):
+        return {one.name: plain(getattr(value, one.name), place) for one in fields(value) if not one.metadata}
+    if isinstance(value, dict):
+        return {name: plain(one, place) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(one, place) for one in value]
+    return value.replace(place, "its folder") if place and isinstance(value, str) else value
 
 
 @dataclass(frozen=True)
@@ -147,7 +160,7 @@ class PaintingPage:
     @property
     def version(self) -> int:
         """Number that grows with every event."""
-        return self._heard + self.painting.version
+        return self._heard + self.painting.sittings.version
 
     def hear(self, event: Event, at: datetime | None = None) -> None:
         """Updates the state by an event of the feed, written at that time; other events change nothing."""
@@ -211,7 +224,7 @@ class PaintingPage:
         """Returns the status of the painting: the only place where it is decided."""
         stage, trouble = self._find_stage(truth), self._end[1]
         if not trouble and self._is_taken_up:
-            trouble = self._without_path(self.painting.trouble)
+            trouble = plain(self.painting.end.trouble, self.place)
         resumable = stage in ("stopped", "failed") and truth.begun and not truth.working
         if stage == "lost":
             held = "Its painter still works, and may move the robot: press Stop."
@@ -223,9 +236,6 @@ class PaintingPage:
             vanished = any(plan.status == "planning" for plan in self.plans.values())
             trouble = f"{_VANISHED.format('planner')} {truth.suspicion}" if vanished else ""
         return Status(stage, truth.working, trouble, resumable)
-
-    def _without_path(self, sentence: str) -> str:
-        return sentence.replace(self.place, "its folder") if self.place else sentence
 
     def _find_stage(self, truth: Truth) -> Stage:
         if not truth.here:
@@ -245,28 +255,32 @@ class PaintingPage:
     @property
     def _is_taken_up(self) -> bool:
         """True if the painter of the last job has begun its sitting, or needs none, or if nobody ordered one here."""
-        whole = self.painting.finished and self.painting.results is not None  # made again, without a sitting
-        return whole or self.painting.runs > self.sittings or self.job not in ("paint", "resume")
+        whole = self.painting.end.finished and self.painting.end.results is not None  # made again, without a sitting
+        return whole or self.painting.sittings.count > self.sittings or self.job not in ("paint", "resume")
 
     @property
     def _end(self) -> tuple[str, str]:
         """End and trouble of the last job, which count no more if a terminal has gone on with the painting since."""
-        gone_on = self.job in ("paint", "resume") and self.painting.runs > self.sittings + 1
+        gone_on = self.job in ("paint", "resume") and self.painting.sittings.count > self.sittings + 1
         return ("", "") if gone_on else (self.ended, self.trouble)
 
     def _find_doing(self, truth: Truth) -> Doing | None:
         """Returns what is done with the painting, or how it ended; None before a person began it."""
         painting, is_job, taken_up = self.painting, self.job in ("paint", "resume"), self._is_taken_up
-        if not is_job and not painting.runs:
+        if not is_job and not painting.sittings.count:
             return None
         ended = cast(Doing, self._end[0])
-        if taken_up and painting.doing in ENDS and (truth.working or not ended or painting.doing == "finished"):
-            return painting.doing
+        if (
+            taken_up
+            and painting.progress.doing in ENDS
+            and (truth.working or not ended or painting.progress.doing == "finished")
+        ):
+            return painting.progress.doing
         if ended and is_job:
             return ended
         if not truth.working:
             return "failed"
-        return painting.doing if taken_up else "preparing"
+        return painting.progress.doing if taken_up else "preparing"
 
     def _plan_statuses(self, truth: Truth) -> list[str]:
         return [self._plan_status(plan, truth) for plan in self.plans.values()]
@@ -279,67 +293,43 @@ class PaintingPage:
 
     def to_plain(self, truth: Truth) -> dict[str, Any]:
         """Returns the state with its status as plain values."""
-        plans = [asdict(plan) | {"status": self._plan_status(plan, truth)} for plan in self.plans.values()]
-        doing = self._find_doing(truth)
-        if self.painting.runs and not plans:
-            plans = [asdict(self._describe_plan_of_terminal())]
+        plans = [plain(replace(plan, status=self._plan_status(plan, truth))) for plan in self.plans.values()]
+        doing, end = self._find_doing(truth), self.painting.end
+        if self.painting.sittings.count and not plans:
+            plans = [plain(self._describe_plan_of_terminal())]
         return {
             "version": self.version,
-            **asdict(self.status(truth)),
-            "stopped": self._end[0] == "stopped" or (self.job != "plan" and self.painting.stopped),
-            "question": self.painting.question if truth.working else None,
+            **plain(self.status(truth)),
+            "stopped": self._end[0] == "stopped" or (self.job != "plan" and end.stopped),
+            "question": self.painting.people.question if truth.working else None,
             "plans": plans,
             "painting": None if doing is None else self._describe_painting(doing),
         }
 
     def _describe_plan_of_terminal(self) -> PlanState:
         """Returns the plan of a painting that was begun at the terminal, from its settings."""
-        settings, made = self.painting.settings, {"prefix": "", "frames": [], "palette": [], "mixtures": []}
+        settings = self.painting.sittings.settings
+        made: dict[str, Any] = {
+            "prefix": "",
+            "frames": [],
+            "palette": [],
+            "mixtures": [],
+            "strokes": settings.get("strokes"),
+        }
         wish = {name: settings.get(name) for name in ("title", *SETTINGS)} | {"terms": [], "initial": []}
         with suppress(ConfigError):
             size = CanvasSize.parse(str(settings.get("canvas")))
             wish |= {"width": 1000 * size.width, "height": 1000 * size.height}
-        return PlanState(0, wish, "ready", made={**made, "strokes": settings.get("strokes")})
+        return PlanState(0, wish, "ready", made=made)
 
     def _describe_painting(self, doing: Doing) -> dict[str, Any]:
-        """Returns the painting in the form of `PaintState` in tools/page/state.d.ts."""
-        state, pause, results = self.painting, self.painting.pause, self.painting.results
-        left = None if doing in ("preparing", "failed") or not state.plannings else round(state.time.remaining, 1)
-        drying, made, person = state.drying, state.replanned, state.may_paint
-        return {
-            **{name: getattr(state, name) for name in _PAINTING},
-            "plan": self.plan,
-            "status": doing,
-            "done": state.painted,
-            "left": left if results is None else 0.0,
-            "said": self.said,
-            "dries": 0.0 if drying is None else drying[0].left * state.pace,
-            "reason": "" if pause is None else self._without_path(pause.reason),
-            "cause": None if pause is None else pause.cause,
-            "held": state.paused,
-            "looks": [_describe_look(look) for look in state.looks[-_MAX_LOOKS:] if look.told.pictures],
-            "replanned": None if made is None else {**made.shown, "done": made.done},
-            "turns": state.turns.strokes,
-            "game": {name: getattr(state.turns, name) for name in ("minutes", "policy", "keep")},
-            "region": {"picture": state.region.drawing, "only": state.region.only} if state.region else None,
-            "remark": self._without_path(state.remark or state.unknown_sentence),
-            "wish": state.goals[-1].wish if state.goals else None,
-            "making": state.is_making,
-            "proposed": None if state.proposed is None else asdict(state.proposed),
-            "person": None
-            if person is None and not state.person
-            else {
-                "brushes": [] if person is None else person.brushes,
-                "wells": [] if person is None else person.wells,
-                "strokes": state.person_painted,
-            },
-            "kept": results is not None,
-            **{name: name in (results or ()) for name in ("film", "arm", "painters")},
-        }
-
-
-def _describe_look(look: LookState) -> dict[str, Any]:
-    told: dict[str, Any] = {"done": look.told.done, **look.told.pictures, "why": look.why}
-    if look.planned is not None and look.planned.look:
-        told |= {"gain": round(look.planned.gain, 4), "plan": look.planned.look}
-    return told | ({"touch": list(look.touch)} if look.touch else {}) | ({"found": look.found} if look.found else {})
+        """Returns the painting as `PaintState` in tools/page/state.d.ts: its records, and what the last job adds."""
+        state, planning = self.painting, self.painting.planning
+        looks = [look for look in state.pictures.looks if look.pictures][-_MAX_LOOKS:]
+        remark = state.people.remark or state.sittings.unknown_sentence
+        shown = replace(
+            state, pictures=replace(state.pictures, looks=looks), people=replace(state.people, remark=remark)
+        )
+        known = planning.adopted and doing not in ("preparing", "failed")
+        left = 0.0 if state.end.results is not None else round(planning.time.remaining, 1) if known else None
+        return {"plan": self.plan, "status": doing, "said": self.said, "left": left, **plain(shown, self.place)}

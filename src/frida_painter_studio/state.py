@@ -4,13 +4,14 @@ import asyncio
 import json
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable, Sequence
-from contextlib import aclosing
+from contextlib import suppress
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any, TypeVar
 
-from starlette.responses import Response
-from starlette.types import Receive, Scope, Send
+from starlette.requests import ClientDisconnect
+from starlette.responses import StreamingResponse
+from starlette.types import Message, Receive, Scope, Send
 
 from frida_painter.easel.kinds import JOURNAL
 from frida_painter_studio.jobs import JobState
@@ -117,25 +118,17 @@ class Topic:
 
 @dataclass
 class _Watched:
-    """Topic with watchers: its state as text, and the events that wake the watchers."""
+    """Topic with watchers: its state as JSON, its number of changes, and the events that wake the watchers."""
 
     topic: Topic
     text: str = ""
+    revision: int = 0
     watchers: set[asyncio.Event] = field(default_factory=set)
     task: asyncio.Task[None] | None = None
 
-    async def follow(self) -> None:
-        mark: object = None
-        while True:
-            now = await asyncio.to_thread(self.topic.mark)
-            if now != mark:
-                mark = now
-                text = json.dumps(await asyncio.to_thread(self.topic.read))
-                if text != self.text:
-                    self.text = text
-                    for each in self.watchers:
-                        each.set()
-            await asyncio.sleep(self.topic.every)
+    def wake(self) -> None:
+        for watcher in self.watchers:
+            watcher.set()
 
 
 class StateStreams:
@@ -156,86 +149,72 @@ class StateStreams:
         """Releases a seat."""
         self._seats[role] -= 1
 
-    async def states(self, topics: Sequence[Topic]) -> AsyncGenerator[tuple[str, str], None]:
-        """Yields (name, state as text) of topics: the current states, then changes; slow readers miss some.
+    async def tell(self, topics: Sequence[Topic]) -> AsyncGenerator[str, None]:
+        """Yields messages with the current states of topics, then with changed ones; slow readers miss some.
 
-        It yields two empty texts if nothing has changed for a while.
+        It yields a comment if nothing has changed for a while.
         """
-        wake = asyncio.Event()
-        watched = [self._watch(topic, wake) for topic in topics]
-        told: dict[str, str] = {}
+        wake, told = asyncio.Event(), dict.fromkeys((topic.name for topic in topics), 0)
+        watched = [self._watched.setdefault(topic.name, _Watched(topic)) for topic in topics]
+        for each in watched:
+            each.watchers.add(wake)
+            each.task = each.task or asyncio.create_task(self._follow(each))
         try:
             while not self._over:
                 wake.clear()
                 for each in watched:
-                    if each.text and each.text != told.get(each.topic.name):
-                        told[each.topic.name] = each.text
-                        yield each.topic.name, each.text
+                    if each.revision > told[each.topic.name]:
+                        told[each.topic.name] = each.revision
+                        yield f"event: {each.topic.name}\ndata: {each.text}\n\n"
                 try:
                     await asyncio.wait_for(wake.wait(), _QUIET)
                     await asyncio.sleep(_BETWEEN_TELLINGS)
                 except TimeoutError:
-                    yield "", ""
+                    yield ": still here\n\n"
         finally:
             for each in watched:
-                self._leave(each, wake)
+                each.watchers.discard(wake)
+                if not each.watchers and each.task is not None:
+                    each.task.cancel()
+                    del self._watched[each.topic.name]
 
-    def _watch(self, topic: Topic, wake: asyncio.Event) -> _Watched:
-        watched = self._watched.setdefault(topic.name, _Watched(topic))
-        watched.watchers.add(wake)
-        if watched.task is None:
-            watched.task = asyncio.create_task(watched.follow())
-        return watched
-
-    def _leave(self, watched: _Watched, wake: asyncio.Event) -> None:
-        watched.watchers.discard(wake)
-        if not watched.watchers and watched.task is not None:
-            watched.task.cancel()
-            watched.task = None
-            self._watched.pop(watched.topic.name, None)
+    async def _follow(self, watched: _Watched) -> None:
+        mark: object = None
+        while True:
+            now = await asyncio.to_thread(watched.topic.mark)
+            if now != mark:
+                mark = now
+                text = json.dumps(await asyncio.to_thread(watched.topic.read))
+                if text != watched.text:
+                    watched.text, watched.revision = text, watched.revision + 1
+                    watched.wake()
+            await asyncio.sleep(watched.topic.every)
 
     def end(self) -> None:
         """Ends all streams, because the studio closes."""
         self._over = True
         for watched in self._watched.values():
-            for each in watched.watchers:
-                each.set()
+            watched.wake()
 
 
-class EventStream(Response):
+class EventStream(StreamingResponse):
     """Answer that streams the states of topics while the browser listens; its seat is taken already."""
 
     media_type = "text/event-stream"
 
     def __init__(self, streams: StateStreams, role: Role, topics: Sequence[Topic]) -> None:
-        super().__init__()
-        self._streams, self._role, self._topics = streams, role, topics
+        self._streams, self._role, self._messages = streams, role, streams.tell(topics)
+        super().__init__(self._messages, headers={"cache-control": "no-store"})
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Streams until the browser disconnects, or does not accept a message in time."""
-        gone = telling = None
+
+        async def send_in_time(message: Message) -> None:
+            await asyncio.wait_for(send(message), _PATIENCE)
+
         try:
-            headers = [(b"content-type", b"text/event-stream"), (b"cache-control", b"no-store")]
-            await send({"type": "http.response.start", "status": 200, "headers": headers})
-            gone = asyncio.create_task(_tell_gone(receive))
-            telling = asyncio.create_task(self._tell(send))
-            await asyncio.wait((gone, telling), return_when=asyncio.FIRST_COMPLETED)
+            with suppress(OSError, ClientDisconnect):  # a TimeoutError is one too
+                await super().__call__(scope, receive, send_in_time)
         finally:
             self._streams.leave_seat(self._role)
-            tasks = [task for task in (gone, telling) if task is not None]
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
-
-    async def _tell(self, send: Send) -> None:
-        async with aclosing(self._streams.states(self._topics)) as states:
-            async for name, text in states:
-                body = f"event: {name}\ndata: {text}\n\n" if name else ": still here\n\n"
-                message = {"type": "http.response.body", "body": body.encode(), "more_body": True}
-                await asyncio.wait_for(send(message), _PATIENCE)
-        await send({"type": "http.response.body", "body": b"", "more_body": False})
-
-
-async def _tell_gone(receive: Receive) -> None:
-    while (await receive())["type"] != "http.disconnect":
-        pass
+            await self._messages.aclose()

@@ -14,6 +14,7 @@ from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
 from frida_painter.session.events import Began
+from frida_painter.session.fold import PaintingState
 from frida_painter_studio import picture_choosing, studio_folder
 from frida_painter_studio.form import describe_form, name_settings
 from frida_painter_studio.jobs import JOBS, Imagining, JobState, Setup, TeachingRequest
@@ -150,6 +151,9 @@ class Studio:
 
     def _status(self, entry: Entry) -> Status:
         return self.feeds.view(entry.folder, PaintingPage, PaintingPage.status)
+
+    def _fold(self, entry: Entry) -> PaintingState:
+        return self.feeds.view(entry.folder, PaintingPage, lambda state, truth: state.painting)
 
     def painting(self, entry: Entry) -> dict[str, Any]:
         """Returns the state of a painting, as the page shows it."""
@@ -289,7 +293,11 @@ class Studio:
         plan, sittings, robot = self.feeds.view(
             folder,
             PaintingPage,
-            lambda state, truth: (state.plan, state.painting.runs, state.painting.settings.get("robot")),
+            lambda state, truth: (
+                state.plan,
+                state.painting.sittings.count,
+                state.painting.sittings.settings.get("robot"),
+            ),
         )
         if robot != self.easel.robot:
             raise ConfigError(
@@ -317,17 +325,17 @@ class Studio:
                 self._require_ready(*terms, *initial)
                 pictures = commands.pictures_of(*terms, *initial)
             case commands.Propose(words, maker):
-                if self.painting(entry)["painting"]["making"] is not None:
+                if self._fold(entry).wishes.request.get("kind") == "propose":
                     raise Interrupted("Pictures are being made here already; wait until they are there, or stop it.")
                 self.makers.order(words, maker).keep(entry.folder.painting)
             case commands.TakeTurns(policy=policy) if policy not in registry.parts(registry.TURN_POLICIES):
                 known = ", ".join(registry.parts(registry.TURN_POLICIES))
                 raise ConfigError(f"There is no way of taking turns {policy!r}; take one of {known}.")
             case commands.PaintStroke():
-                painting = self.painting(entry)["painting"]
-                if not painting["held"]:
+                painting = self._fold(entry)
+                if not painting.wishes.paused:
                     raise Interrupted(commands.ROBOT_MOVES)
-                if painting["person"] is None:
+                if painting.people.may_paint is None and not painting.people.strokes:
                     raise Interrupted("Nobody can paint through the page here; paint on the canvas with a real brush.")
         self._require_pictures(pictures)
         studio_folder.copy_pictures(pictures, self.store.pictures, entry.folder.painting / GIVEN)
@@ -398,7 +406,7 @@ class Studio:
             makings = self.feeds.view(folder, Imagining, lambda state, truth: list(state.makings))
             root = folder.path / picture_choosing.MADE
         else:
-            proposed = self.feeds.view(entry.folder, PaintingPage, lambda state, truth: state.painting.proposed)
+            proposed = self._fold(entry).wishes.proposed
             makings, root = [proposed] if proposed else [], entry.folder.painting
         made = picture_choosing.take_picture(chosen, makings, root, self.store.pictures)
         self.store.note(by.id, Imagining.name if entry is None else entry.id, f"choose {made['made']}")

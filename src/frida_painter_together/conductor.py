@@ -139,9 +139,9 @@ class Conductor:
             run.folder, run.report, stop_asked, since, lambda: run.session, look_at, asker.answer, elsewhere
         )
         if run.history is not None:
-            if run.history.question is not None:
+            if run.history.people.question is not None:
                 run.report(events.Asked(None))  # nobody waits for an answer to it any more
-            conductor.owe(run.history.request, run.history.proposed)
+            conductor.owe(run.history.wishes.request, run.history.wishes.proposed)
         run.listeners.append(conductor.hear)
         return conductor
 
@@ -205,7 +205,7 @@ class Conductor:
     @property
     def _game(self) -> events.Turns:
         """Turns that were agreed on."""
-        return self._session.journal.state.turns
+        return self._session.journal.state.wishes.turns
 
     @property
     def _is_turn(self) -> bool:

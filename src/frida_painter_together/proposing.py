@@ -221,11 +221,11 @@ class Proposer:
 
     def has_word(self) -> bool:
         """Returns True if the person has something to say in this pause: about pictures, or about what shall change."""
-        return self._talks or self._run.painting.proposed is not None or self.wants_pause()
+        return self._talks or self._run.painting.wishes.proposed is not None or self.wants_pause()
 
     def find_command(self) -> Command | None:
         """Asks until there is a command, and returns it; None if nothing more shall change. Raises Interrupted."""
-        made, self._talks = self._run.painting.proposed, True
+        made, self._talks = self._run.painting.wishes.proposed, True
         try:
             if made is not None and made is not self._asked:
                 self._asked = made

@@ -98,22 +98,26 @@ def stage(*wanted: str) -> Callable[[State], bool]:
 
 
 def test_what_the_terminal_paints_is_led_stopped_and_gone_on_with_from_a_page(page: Page, painter: Painter) -> None:
-    page.see(lambda state: state["stage"] == "painting" and state["painting"]["done"] > 1)
+    page.see(lambda state: state["stage"] == "painting" and state["painting"]["progress"]["painted"] > 1)
     page.say("pause")
     paused = page.see(stage("paused"))["painting"]
-    assert paused["person"]["wells"] and paused["cause"] == "person"
-    page.say("paint", brush=paused["person"]["brushes"][0]["name"], paint=0, points=[[0.1, 0.5, 0.8, 0, 0, 0]])
-    page.see(lambda state: state["painting"]["person"]["strokes"] == 1)
+    brushes = paused["people"]["may_paint"]
+    assert brushes["wells"] and paused["wishes"]["pause"]["cause"] == "person"
+    page.say("paint", brush=brushes["brushes"][0]["name"], paint=0, points=[[0.1, 0.5, 0.8, 0, 0, 0]])
+    page.see(lambda state: state["painting"]["people"]["painted"] == 1)
     page.say("protect", picture=page.upload(255, 0), only=False)
-    state = page.see(lambda state: state["stage"] == "paused" and state["painting"]["replanned"])
-    assert page.shows("regions", state["painting"]["region"]["picture"])
-    assert page.shows("live", f"{state['painting']['replanned']['prefix']}plan.jpg")
+    state = page.see(lambda state: state["stage"] == "paused" and state["painting"]["planning"]["replanned"])
+    assert page.shows("regions", state["painting"]["wishes"]["region"]["drawing"])
+    assert page.shows("live", f"{state['painting']['planning']['replanned']['shown']['prefix']}plan.jpg")
     page.say("goal", terms=[{"kind": "image", "picture": page.upload(20, 200)}])
-    page.see(lambda state: state["stage"] == "paused" and state["painting"]["wish"])
+    page.see(lambda state: state["stage"] == "paused" and state["painting"]["wishes"]["goals"])
     page.say("turns", count=2)
     page.say("go on")
-    mine = page.see(lambda state: state["painting"]["cause"] == "turn" and state["stage"] == "paused")
-    assert mine["painting"]["done"] <= paused["done"] + 3 and mine["painting"]["game"]["policy"] == "alternate"
+    mine = page.see(
+        lambda state: state["painting"]["wishes"]["pause"]["cause"] == "turn" and state["stage"] == "paused"
+    )
+    assert mine["painting"]["progress"]["painted"] <= paused["progress"]["painted"] + 3
+    assert mine["painting"]["wishes"]["turns"]["policy"] == "alternate"
     page.say("turns", count=0)
     page.say("go on")
     page.see(stage("painting", "replanning"))
@@ -131,7 +135,8 @@ def test_what_the_terminal_paints_is_led_stopped_and_gone_on_with_from_a_page(pa
     page.see(stage("paused"))
     page.say("go on")
     finished = page.see(stage("finished"), 600)["painting"]
-    assert finished["region"] and finished["wish"]["terms"] and finished["person"]["strokes"] == 1
+    assert finished["wishes"]["region"] and finished["wishes"]["goals"][-1]["wish"]["terms"]
+    assert finished["people"]["painted"] == 1
 
 
 def test_a_plan_of_the_page_is_painted_by_the_words_of_the_terminal(page: Page, tmp_path: Path) -> None:
@@ -145,9 +150,9 @@ def test_a_plan_of_the_page_is_painted_by_the_words_of_the_terminal(page: Page, 
     assert page.visitor.post("/api/paintings", json=request | settings).status_code == 200
     until(lambda: time.sleep(0.2) or page.visitor.get(page.path).json()["stage"] == "planned", 300)
     assert page.visitor.post(f"{page.path}/start", json={"plan": 1, "ready": True}).status_code == 200
-    assert page.see(stage("finished"), 600)["painting"]["done"] == 4
+    assert page.see(stage("finished"), 600)["painting"]["progress"]["painted"] == 4
     (painting,) = tmp_path.glob("*/painting")
-    assert (painting / "strokes.svg").is_file() and history_of(painting).settings["title"] == "Cup"
+    assert (painting / "strokes.svg").is_file() and history_of(painting).sittings.settings["title"] == "Cup"
     plan = painting.parent / "plans" / "1"
     assert RunSpec.from_toml(plan / ".settings.json", calibration=None).strokes == 4
 

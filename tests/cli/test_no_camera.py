@@ -91,8 +91,8 @@ def test_without_a_camera_the_plan_is_painted_and_everything_says_that_nobody_lo
     status, said = run("paint", "coffee.png", *SMALL, *robot, *BLIND, "--out", "it", "--yes")
     assert status == 0 and "No camera: nobody looks at the canvas." in said, said
     assert "it/painting.png, as expected: nobody looked" in said and "it/film.mp4, as expected" in said
-    assert told(desk / "it").photographed == 0
-    assert told(desk / "it").finished and told(desk / "it").painted == 5
+    assert told(desk / "it").pictures.count == 0
+    assert told(desk / "it").end.finished and told(desk / "it").progress.painted == 5
     page = (desk / "it" / "index.html").read_text()
     assert "as it should look; nobody photographed it" in page and "nobody filmed the canvas" in page
     assert "no camera; only at pictures of a person" in page and "The painting against the photograph" not in page

@@ -142,24 +142,24 @@ def test_a_person_paints_as_they_are_asked_and_is_asked_for_everything(run: Run,
     said = " ".join(said.split())
     assert said.count("Dip the brush into paint 1 (#") == 1 and said.count("Painted?") == 3
     assert "Mix these paints" in said and said.count("hands, brush and shadow") == 2 and "Wash the brush and" in said
-    assert told(easel / "mine").painted == 3 and (easel / "mine" / "question.png").exists()
+    assert told(easel / "mine").progress.painted == 3 and (easel / "mine" / "question.png").exists()
     result = json.loads((easel / "mine" / "result.json").read_text())
-    assert result["strokes_given_up"] == [2] and told(easel / "mine").given_up == [2]
+    assert result["strokes_given_up"] == [2] and told(easel / "mine").progress.given_up == [2]
     assert "3 strokes" in said and (easel / "mine" / "painting.png").exists()
     status, said = run(*words[:-4], "--out", "given-up", "--strokes", 3, typing=[look, mix, one_by_one, "y", "n", "n"])
     assert status == 2 and "put the brush down" in said and "resume given-up" in said
-    assert (easel / "given-up" / "index.html").exists() and told(easel / "given-up").in_doubt == 2
+    assert (easel / "given-up" / "index.html").exists() and told(easel / "given-up").progress.in_doubt == 2
 
 
 def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_same_robot(run: Run, easel: Path) -> None:
     with Grbl() as grbl:
         status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", typing=["n"])
         assert status == 2 and "paints were not there" in said.replace("\n", " ")
-        assert told(easel / "it").painted == 0 and not any("Z118" in line for line in grbl.received)
+        assert told(easel / "it").progress.painted == 0 and not any("Z118" in line for line in grbl.received)
         status, said = run("resume", "it", "--yes")
         assert status == 0, said
         history = told(easel / "it")
-        assert history.finished and history.painted == 4 and history.runs == 2
+        assert history.end.finished and history.progress.painted == 4 and history.sittings.count == 2
     pressed = [place for place in grbl.moved if place[0] > 300 and place[2] < 120.5]
     assert pressed, "it painted on the canvas"
     assert min(place[2] for place in grbl.moved) >= 107.9
@@ -193,7 +193,7 @@ def test_a_robot_with_a_rack_changes_its_brush_by_itself(run: Run, racked: Path)
         status, said = run("paint", "coffee.png", *SMALL, *TWO, *on(grbl.name), "--out", "it", typing=["y"])
         assert status == 0, said
     assert held(racked / "it") == [None, "fine", None, "", None, "medium", None, ""]
-    assert told(racked / "it").finished and "put it, clean" not in said
+    assert told(racked / "it").end.finished and "put it, clean" not in said
     sent = [line.split("F")[0] for line in grbl.received if "Z118.000" in line]
     for x in (120, 200):
         assert sent.count(f"G1X{x}.000Y260.000Z118.000") == 2, "each was taken and put back"
@@ -213,7 +213,7 @@ def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
             return record["kind"] == "motion_began" and record["what"] == ["put the fine brush back"]
 
         kill_when(racked / "it" / "journal", back, lambda: run(*words))
-        assert told(racked / "it").held is None
+        assert told(racked / "it").brush.held is None
         moved = len(grbl.moved)
         status, said = run("resume", "it", "--yes")
         assert status == 2 and "which brush is in its hand" in " ".join(said.split()), said
@@ -224,7 +224,7 @@ def test_killed_while_it_changes_brushes_a_person_is_asked_which_is_in_the_hand(
         assert status == 0, said
     assert "Is the fine brush in the robot's hand?" in " ".join(said.split())
     assert held(racked / "it") == [None, "fine", None, None, "", None, "medium", None, ""]
-    assert told(racked / "it").finished and told(racked / "it").painted == 4
+    assert told(racked / "it").end.finished and told(racked / "it").progress.painted == 4
 
 
 def test_a_brush_that_is_not_in_the_rack_is_refused_before_anything_moves(run: Run, racked: Path) -> None:

@@ -107,7 +107,7 @@ def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, pa
     assert status == 0, said
     assert "Type y or n." in said and "paint stroke 7 again? [y/N]" in said and "10 strokes in " in said
     history = told(painting)
-    assert history.finished and history.given_up == [7] and history.runs == 2
+    assert history.end.finished and history.progress.given_up == [7] and history.sittings.count == 2
     result = json.loads((painting / "result.json").read_text())
     assert result["strokes_painted"] == 9 and result["sittings"] == 2 and result["strokes_given_up"] == [7]
     assert [look["strokes"] for look in result["looks"]] == [5] and result["settings"]["photo"] == "coffee.jpg"
@@ -125,7 +125,7 @@ def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said
     status, _ = resume("painting", "--yes", "--repaint")
     assert status == 0
     strokes = [one["done"] for one in EventLog.read(painting / "journal") if one["kind"] == "stroke_painted"]
-    assert strokes == list(range(1, 11)) and told(painting).given_up == []
+    assert strokes == list(range(1, 11)) and told(painting).progress.given_up == []
     with Image.open(painting / "now.png") as picture:
         assert picture.width > picture.height > 700
 
@@ -140,9 +140,9 @@ def test_what_was_changed_is_shown_and_refused_until_it_is_accepted(resume: Resu
     status, said = resume("painting", "--yes")
     assert status == 2 and "effort: it was 0.05, and is 0.06" in said and "goal: it was " in said
     assert f"plan: it was {plan.digest[:12]}, and is " in said and "--accept-changes" in said
-    assert told(painting).runs == 1
+    assert told(painting).sittings.count == 1
     status, said = resume("painting", "--yes", "--accept-changes")
-    assert status == 0 and told(painting).finished
+    assert status == 0 and told(painting).end.finished
 
 
 def test_what_is_painted_cannot_become_something_else(resume: Resume, painting: Path) -> None:

@@ -169,7 +169,7 @@ def paint(
             CanvasObserver(easel, None, None, wait=lambda seconds: None),
             EvenlySpaced(replans),
             notify=notify,
-            journal=Journal.nowhere(),
+            journal=Journal(None),
         )
         painting = session.run(strokes, colors)
         easel.robot.close()

@@ -13,7 +13,7 @@ from frida_painter.report.page import page, write_page
 from frida_painter.report.recorder import Description
 from frida_painter.report.story import PictureComparison, paints
 from frida_painter.session.events import Looked, NewGoal, Planned
-from frida_painter.session.fold import PaintingState
+from frida_painter.session.fold import BrushState, End, PaintingState, PlanningState, Sittings, StrokeProgress, Wishes
 from frida_painter.session.progress import Painting
 from support.plans import made_up_plan
 
@@ -28,9 +28,12 @@ PHASES = [("first plan", [(0, 0.2), (1, 0.1), (2, 0.05)]), ("after 10 strokes", 
 PAPER = torch.ones(3, 4, 6)
 DESCRIBED = Description("Astronaut", PAPER, (("Seed", "7"), ("Brush", "medium")), {}, 60)
 STATE = PaintingState(
-    phases=PHASES, runs=2, given_up=[3], touch={"medium": "It is sent lower."}, expected_seconds=90.0, dips={0: 7},
-    forecasts=[(0, (20.0, 19.5, 20.5))], goals=[NewGoal("changes/1", {}, facts=("Words: a fox", "Style"), done=4)],
-)  # fmt: skip
+    sittings=Sittings(count=2),
+    progress=StrokeProgress(given_up=[3]),
+    brush=BrushState(dips={0: 7}, touch={"medium": "It is sent lower."}),
+    planning=PlanningState(phases=PHASES, forecasts=[(0, (20.0, 19.5, 20.5))], expected_seconds=90.0),
+    wishes=Wishes(goals=[NewGoal("changes/1", {}, facts=("Words: a fox", "Style"), done=4)]),
+)
 STORY: dict[str, Any] = {
     "described": DESCRIBED,
     "state": STATE,
@@ -135,7 +138,14 @@ def test_what_people_typed_is_text_and_never_markup() -> None:
     look = LOOKS[0][0], replace(LOOKS[0][1], look='a"b c.png')
     phases = [(evil, [(0, 1.0), (1, 0.5)])]
     described = replace(DESCRIBED, title=evil, facts=((evil, evil),))
-    html = page({**STORY, "described": described, "state": replace(STATE, phases=phases), "looks": [look]})
+    html = page(
+        {
+            **STORY,
+            "described": described,
+            "state": replace(STATE, planning=PlanningState(phases=phases)),
+            "looks": [look],
+        }
+    )
     assert "<script" not in html
     assert "a%22b%20c.png" in html
     html.encode("utf-8")
@@ -149,7 +159,7 @@ def test_each_part_may_be_missing(field: str) -> None:
 
 
 def test_a_painting_that_was_stopped_early_says_so() -> None:
-    reader = Reader(page({**STORY, "state": PaintingState(stopped=True), "has_film": False, "looks": ()}))
+    reader = Reader(page({**STORY, "state": PaintingState(end=End(stopped=True)), "has_film": False, "looks": ()}))
     assert "stopped before it was finished" in reader.text and "The unfinished canvas" in reader.text
     assert set(reader.all("img", "src")) == {"target.jpg", "plan.png", "painting.png"}
     assert reader.all("video", "src") == []

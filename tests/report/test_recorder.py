@@ -67,7 +67,7 @@ def recorded(
     folder: Path, events: list[Event], painting: Painting, timelapse_frames: int = 4
 ) -> tuple[Path | None, dict[str, object]]:
     folder.joinpath("plan.json").write_text("written by the journal")
-    journal = Journal.nowhere()
+    journal = Journal(None)
     with Recorder(folder, Description(*TOLD, timelapse_frames), {"medium": small_table()}, journal.state) as recorder:
         for event in events:
             journal.tell(recorder.hear(event))

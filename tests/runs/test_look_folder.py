@@ -89,9 +89,9 @@ def test_a_picture_in_the_folder_counts_as_a_look_and_one_of_another_canvas_is_r
     remarks = [event.sentence for event in heard if isinstance(event, Remark)]
     assert len(remarks) == 2 and "a-other.jpg does not count as a look" in remarks[0] and "b-broken.jpg" in remarks[1]
     history = told(folder)
-    assert history.finished and history.photographed == 1 and PAUSED <= history.pictured <= PAUSED + 2
+    assert history.end.finished and history.pictures.count == 1 and PAUSED <= history.pictures.pictured <= PAUSED + 2
     plans = [event for event in heard if isinstance(event, Planned)]
-    assert [planned.done for planned in plans][-1] == history.pictured, "the rest was planned again from it"
+    assert [planned.done for planned in plans][-1] == history.pictures.pictured, "the rest was planned again from it"
     page = (folder / "index.html").read_text()
     assert "it looked at the pictures that a person took" in page and "nobody photographed it" in page
 
@@ -110,7 +110,7 @@ def test_a_picture_in_the_folder_counts_as_a_look_and_one_of_another_canvas_is_r
         assert ended == status and says in said, said
     page = (folder / "index.html").read_text()
     assert "photographed by a person" in page and "nobody photographed it" not in page
-    assert told(folder).pictured == STROKES
+    assert told(folder).pictures.pictured == STROKES
 
 
 @pytest.mark.parametrize(("seconds", "done"), [(-5, 0), (5, 1), (15, 2), (500, 3), (None, 3)])

@@ -221,7 +221,7 @@ def test_a_hundred_strokes_are_sent_as_planned_and_none_twice_after_a_kill(
                 run.start(plan)
 
         kill_in_the_stroke(machine, paint)
-        assert (told(folder).painted, told(folder).in_doubt) == (KILLED - 1, KILLED)
+        assert (told(folder).progress.painted, told(folder).progress.in_doubt) == (KILLED - 1, KILLED)
         with PaintingRun.reopen(folder) as run:
 
             def look(question: Any) -> bool:
@@ -233,9 +233,9 @@ def test_a_hundred_strokes_are_sent_as_planned_and_none_twice_after_a_kill(
     assert not [text for text in asked if "does not know where its brush is" in text], "it knows where it stands"
     assert outcome.trouble is None and outcome.page is not None
     history = told(folder)
-    assert history.finished and history.painted == COUNT and history.runs == 2
-    assert history.given_up == []
-    assert {planning.plan for planning in history.plannings} == {plan.digest}, "nothing was planned again"
+    assert history.end.finished and history.progress.painted == COUNT and history.sittings.count == 2
+    assert history.progress.given_up == []
+    assert {planning.plan for planning in history.planning.adopted} == {plan.digest}, "nothing was planned again"
     found = strokes_of(machine.sent(), machine)
     before, again = list(range(KILLED)), list(range(KILLED - 1, COUNT))
     assert len(found) == len(before) + len(again), "every stroke once, and the one in doubt as it was decided"

@@ -129,13 +129,13 @@ def test_what_would_move_a_real_robot_is_not_simulated(photo: Path) -> None:
 
 
 def test_a_stopped_painting_is_gone_on_with_to_its_last_stroke(stopped: Path) -> None:
-    assert history_of(stopped).painted == 3
+    assert history_of(stopped).progress.painted == 3
     with PaintingRun.reopen(stopped) as run:
         assert run.history is not None and run.spec.strokes == 6
         outcome = run.resume()
     assert outcome.painting is not None and outcome.painting.painted == 6
     result = json.loads((stopped / "result.json").read_text())
-    assert result["strokes_painted"] == 6 and result["sittings"] == 2 and history_of(stopped).finished
+    assert result["strokes_painted"] == 6 and result["sittings"] == 2 and history_of(stopped).end.finished
     checked = RunRecord.load(stopped).check()
     assert "resumed" in checked.obstacle and not checked.files and "as it was left" in checked.remark
 

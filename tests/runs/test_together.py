@@ -67,7 +67,7 @@ def test_the_robot_continues_what_a_person_begins_until_they_end_it(tmp_path: Pa
     assert drawn.strokes.length.numpy() == pytest.approx(LENGTH, abs=2e-3)
     assert np.abs(drawn.strokes.angle.numpy() - math.atan2(-0.5, 1)).max() < 0.6, "in their direction"
     history = history_of(tmp_path / "drawn")
-    assert history.finished and len(history.person) == 8
+    assert history.end.finished and len(history.people.strokes) == 8
 
 
 def test_killed_in_a_turn_of_the_person_it_answers_them_when_it_is_resumed(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_killed_in_a_turn_of_the_person_it_answers_them_when_it_is_resumed(tmp_p
         Person(run, turns=9, kill_at=2)
         run.start()
     known = history_of(tmp_path / "drawn")
-    assert (known.painted, len(known.person), known.person_seen) == (4, 8, 4)
+    assert (known.progress.painted, len(known.people.strokes), known.people.seen) == (4, 8, 4)
     with PaintingRun.reopen(tmp_path / "drawn") as run:
         person = Person(run, turns=0)
         outcome = run.resume()
@@ -100,7 +100,7 @@ def test_killed_in_its_answer_it_paints_the_rest_of_the_answer(tmp_path: Path) -
     assert outcome.painting is not None and outcome.painting.painted == 4
     assert [paused.done for paused in person.paused] == [4] and Plan.load(tmp_path / "drawn").digest == begun.digest
     adopted = [entry["answers"] for entry in EventLog.read(tmp_path / "drawn/journal") if "answers" in entry]
-    assert True in adopted and history_of(tmp_path / "drawn").finished
+    assert True in adopted and history_of(tmp_path / "drawn").end.finished
 
 
 def test_if_nobody_paints_it_waits_and_can_be_resumed(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_if_nobody_paints_it_waits_and_can_be_resumed(tmp_path: Path) -> None:
         run.controls = Controls(go_on=lambda paused: True)
         outcome = run.start()
     assert isinstance(outcome.trouble, PaintingPaused) and "Nobody painted anything" in str(outcome.trouble)
-    assert not history_of(tmp_path / "drawn").finished
+    assert not history_of(tmp_path / "drawn").end.finished
 
 
 @pytest.mark.parametrize(

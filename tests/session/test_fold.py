@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import fields
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -109,8 +110,9 @@ def fold(*told: Event) -> PaintingState:
 
 
 def shown(state: PaintingState) -> dict[str, Any]:
-    known = dict(vars(state))
-    return {**known, "time": vars(known["time"])}
+    known = {name: dict(vars(record)) for name, record in vars(deepcopy(state)).items()}
+    known["planning"]["time"] = vars(known["planning"]["time"])
+    return known
 
 
 FOREIGN: dict[str, tuple[dict[str, Any], bool | None]] = {  # a record, and True if its known part counts; None: refused
@@ -142,8 +144,10 @@ def test_what_a_newer_program_wrote_is_skipped_and_told_at_any_place(
     state = PaintingState.of_journal([*records[:at], written, *records[at:]], Path())
     plain = [{"at": written["at"], **known}] if counts else []
     same = PaintingState.of_journal([*records[:at], *plain, *records[at:]], Path())
-    assert state.unknown == 1 and "in 1 place of this journal" in state.unknown_sentence
-    assert shown(state) | {"unknown": 0, "version": 0} == shown(same) | {"version": 0}
+    assert state.sittings.unknown == 1 and "in 1 place of this journal" in state.sittings.unknown_sentence
+    for each in (state, same):
+        each.sittings.unknown = each.sittings.version = 0
+    assert shown(state) == shown(same)
 
 
 @given(st.permutations(TOLD))
@@ -153,62 +157,73 @@ def test_every_prefix_of_a_journal_folds_to_what_was_shown_then(tmp_path_factory
     live = []
     for event in told[:12]:
         journal.tell(event) if isinstance(event, Durable) else journal.show(event)
-        live.append(shown(journal.state) | {"looks": list(journal.state.looks), "version": journal.state.version})
+        live.append(shown(journal.state))
     journal.close()
     records = EventLog.read(folder / "journal")
-    assert shown(PaintingState.of_journal(records, folder)) == shown(journal.state)
     for count, then in enumerate(live, 1):
-        again = PaintingState.of_journal(records[: count + 1], folder)
-        assert (again.version, again.looks, again.doing) == (then["version"], then["looks"], then["doing"])
+        assert shown(PaintingState.of_journal(records[: count + 1], folder)) == then
 
 
 def test_a_painting_is_folded_for_those_who_resume_it() -> None:
     state = fold(events.PaintingBegun({"strokes": 6}, {}), *TOLD)
-    assert (state.painted, state.of, state.given_up, state.in_doubt) == (6, 6, [2, 3], None)
-    assert (state.dips, state.cleanings, state.runs, state.photographed) == ({3: 1}, 1, 2, 2)
-    assert state.region is not None and (state.region.drawing, state.goal) == ("1.png", "changes/1")
-    assert (state.finished, state.robot_seconds, state.doing) == (True, 4.5, "finished")
-    assert (state.person_painted, state.person_seen, state.turns.strokes) == (1, 0, 3)
-    assert state.plannings == [TOLD[2]] and state.is_pictured is False
-    assert state.last_photograph == "photographs/seen-0002.png" and state.light == [[0.0]]
+    assert (state.progress.painted, state.progress.of, state.progress.given_up, state.progress.in_doubt) == (
+        6,
+        6,
+        [2, 3],
+        None,
+    )
+    assert (state.brush.dips, state.brush.cleanings, state.sittings.count, state.pictures.count) == ({3: 1}, 1, 2, 2)
+    assert state.wishes.region is not None and (state.wishes.region.drawing, state.wishes.goal) == (
+        "1.png",
+        "changes/1",
+    )
+    assert (state.end.finished, state.end.robot_seconds, state.progress.doing) == (True, 4.5, "finished")
+    assert (state.people.painted, state.people.seen, state.wishes.turns.strokes) == (1, 0, 3)
+    assert state.planning.adopted == [TOLD[2]] and state.is_pictured is False
+    assert state.pictures.last == "photographs/seen-0002.png" and state.pictures.light == [[0.0]]
 
 
 def test_a_painting_is_folded_for_those_who_watch_it() -> None:
     state = fold(*TOLD[:15])
-    assert (state.doing, state.paint, state.dips) == ("planning", 3, {3: 1})
-    assert state.looks[-1].planned is None and "0.8 mm lower" in state.looks[-1].touch[0]
-    assert state.phases == [("plan for 6 strokes", [(1, 0.5)])] and state.forecasts == [(0, (20.0, 19.0, 21.0))]
-    assert state.expected_seconds == 6.0 and state.photograph == "a.jpg"
+    assert (state.progress.doing, state.brush.paint, state.brush.dips) == ("planning", 3, {3: 1})
+    assert state.pictures.looks[-1].planned is None and "0.8 mm lower" in state.pictures.looks[-1].touch[0]
+    assert state.planning.phases == [("plan for 6 strokes", [(1, 0.5)])] and state.planning.forecasts == [
+        (0, (20.0, 19.0, 21.0))
+    ]
+    assert state.planning.expected_seconds == 6.0 and state.pictures.photograph == "a.jpg"
     state = fold(*TOLD[:16])
-    planned = state.looks[-1].planned
+    planned = state.pictures.looks[-1].planned
     assert planned is not None and (planned.look, round(planned.gain, 3)) == ("d.jpg", 0.2)
-    assert fold(*TOLD[:17]).doing == "drying"
-    assert fold(events.Scheduled(0, 6, seconds=0.0, pace=0.0), TOLD[16]).doing != "drying", "nobody waits"
+    assert fold(*TOLD[:17]).progress.doing == "drying"
+    assert fold(events.Scheduled(0, 6, seconds=0.0, pace=0.0), TOLD[16]).progress.doing != "drying", "nobody waits"
     paused = fold(*TOLD[:18])
-    assert (paused.doing, paused.paused, paused.is_making) == ("paused", True, None)
+    assert (paused.progress.doing, paused.wishes.paused, paused.wishes.request) == ("paused", True, {})
     asked = fold(*TOLD[:19])
-    assert (asked.doing, asked.paused, asked.is_making) == ("planning", True, "a sea")
+    assert (asked.progress.doing, asked.wishes.paused, asked.wishes.request["words"]) == ("planning", True, "a sea")
     made = fold(*TOLD[:20])
-    assert events.CommandDone(made.proposed) == TOLD[19] and (made.is_making, made.doing) == (None, "paused")
+    assert events.CommandDone(made.wishes.proposed) == TOLD[19] and (made.wishes.request, made.progress.doing) == (
+        {},
+        "paused",
+    )
     refused = fold(*TOLD[:19], events.CommandTaken({}))
-    assert (refused.doing, refused.proposed) == ("paused", None)
-    assert fold(*TOLD[:26]).paused is False and fold(*TOLD[:26]).proposed is None
-    assert fold(*TOLD[:31]).trouble == "The robot is gone." and fold(*TOLD[:32]).trouble == ""
+    assert (refused.progress.doing, refused.wishes.proposed) == ("paused", None)
+    assert fold(*TOLD[:26]).wishes.paused is False and fold(*TOLD[:26]).wishes.proposed is None
+    assert fold(*TOLD[:31]).end.trouble == "The robot is gone." and fold(*TOLD[:32]).end.trouble == ""
 
 
 def test_at_a_terminal_nobody_tells_the_end_of_a_pause_and_a_plan_may_have_been_broken_off() -> None:
     state = fold(events.Paused("A pause file is there."), events.MotionBegan(("home",)))
-    assert (state.doing, state.paused) == ("paused", True)
+    assert (state.progress.doing, state.wishes.paused) == ("paused", True)
     state.hear(events.MotionBegan(("stroke 1",), 1), AT)
-    assert (state.doing, state.paused) == ("painting", False)
+    assert (state.progress.doing, state.wishes.paused) == ("painting", False)
     step, planned = events.PlanningStep("plan", 1, 2, 0.5), events.Planned(0, 6, 0.5, 0.25)
-    assert fold(step, events.SessionResumed(0), step, planned).phases == [("plan for 6 strokes", [(1, 0.5)])]
+    assert fold(step, events.SessionResumed(0), step, planned).planning.phases == [("plan for 6 strokes", [(1, 0.5)])]
 
 
 def test_the_time_of_a_whole_painting_is_that_of_its_first_plan() -> None:
     told = ((6.0, 0), (4.0, 0), (2.0, 3))
     first, again, rest = (events.Scheduled(done, 6, seconds=seconds) for seconds, done in told)
-    assert fold(first, again, rest).expected_seconds == 4 and fold(rest).expected_seconds == 2
+    assert fold(first, again, rest).planning.expected_seconds == 4 and fold(rest).planning.expected_seconds == 2
 
 
 @pytest.mark.parametrize(
@@ -224,7 +239,7 @@ def test_the_time_of_a_whole_painting_is_that_of_its_first_plan() -> None:
 def test_a_look_tells_what_a_person_had_asked_for_before_it(asked: list[Event], why: str) -> None:
     look = events.Looked(3, LOOK)
     state = fold(events.Paused("", 3), events.CommandTaken({"kind": "look"}), *asked, look, events.WentOn(), look)
-    assert [each.why for each in state.looks] == [why, ""]
+    assert [each.why for each in state.pictures.looks] == [why, ""]
 
 
 @pytest.mark.parametrize(
@@ -240,7 +255,7 @@ def test_a_look_tells_what_a_person_had_asked_for_before_it(asked: list[Event], 
     ],
 )
 def test_how_a_painting_ends(told: list[Event], doing: str) -> None:
-    assert fold(events.StrokePainted(2, 6), *told).doing == doing
+    assert fold(events.StrokePainted(2, 6), *told).progress.doing == doing
 
 
 def test_time_in_a_break_does_not_count_and_paint_dries_meanwhile() -> None:
@@ -252,13 +267,13 @@ def test_time_in_a_break_does_not_count_and_paint_dries_meanwhile() -> None:
     ]  # fmt: skip
     for event, seconds in told:
         state.hear(event, AT + timedelta(seconds=seconds))
-    assert state.seconds == 17 and state.wet() == 80
-    assert state.wet(AT + timedelta(seconds=22)) == 70 and state.wet(AT + timedelta(seconds=200)) == 0
+    assert state.sittings.seconds == 17 and state.progress.wet() == 80
+    assert state.progress.wet(AT + timedelta(seconds=22)) == 70 and state.progress.wet(AT + timedelta(seconds=200)) == 0
     state.hear(events.StrokePainted(2))
-    assert state.wet() is None
+    assert state.progress.wet() is None
     state.hear(events.Finished(2), AT + timedelta(seconds=1010))
     state.hear(events.ResultFound("results"), AT + timedelta(days=9))  # made again
-    assert state.seconds == 22
+    assert state.sittings.seconds == 22
 
 
 DAY = 86400.0
@@ -280,21 +295,21 @@ def test_a_clock_that_is_set_costs_an_hour_at_most_and_no_number_is_below_zero(n
     for done, step in enumerate(steps, 1):
         now += timedelta(seconds=step)
         state.hear(events.StrokePainted(done), now)
-    assert state.seconds == pytest.approx(counted)
-    assert 0 <= state.time.remaining <= 2 * counted / len(steps) + 1e-6
+    assert state.sittings.seconds == pytest.approx(counted)
+    assert 0 <= state.planning.time.remaining <= 2 * counted / len(steps) + 1e-6
     state.hear(events.Drying(len(steps), 80.0), now)
     for looked in (-DAY, -36525 * DAY, 0.0):
-        assert state.wet(now + timedelta(seconds=looked)) == 80, "what is not sure to be dry is wet"
+        assert state.progress.wet(now + timedelta(seconds=looked)) == 80, "what is not sure to be dry is wet"
     state.hear(events.SessionResumed(len(steps)), now - timedelta(days=400))
     state.hear(events.StrokePainted(len(steps) + 1), now - timedelta(days=399))
-    assert counted < state.seconds <= counted + 3600 and state.time.remaining >= 0
+    assert counted < state.sittings.seconds <= counted + 3600 and state.planning.time.remaining >= 0
 
 
 @pytest.mark.parametrize("at", [None, "yesterday", 7, "2026-01-02T03:04:05", "9999-12-31T23:59:59-12:00", "2026-13-01"])
 def test_an_entry_without_a_time_counts_and_takes_none(at: object) -> None:
     records = [begun(), {**record(events.StrokePainted(1, 6)), "at": at}, record(events.StrokePainted(2, 6))]
     state = PaintingState.of_journal(records, Path())
-    assert state.painted == 2 and state.last == time_of(records[2]) and time_of(records[1]) is None
+    assert state.progress.painted == 2 and state.sittings.last == time_of(records[2]) and time_of(records[1]) is None
 
 
 def test_the_page_about_the_journal_names_kinds_and_fields_that_there_are() -> None:

@@ -11,7 +11,7 @@ import torch
 
 from frida_painter.errors import StorageError
 from frida_painter.planning.placement import Placement
-from frida_painter.session.events import Looked, MotionBegan, Paused, PlanningStep, StrokePainted
+from frida_painter.session.events import Looked, MotionBegan, Paused, Planned, PlanningStep, StrokePainted
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal, placement_of
 from frida_painter.strokes.plan import Plan
@@ -38,7 +38,7 @@ def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) ->
     def look(event: object) -> bool:
         if isinstance(event, StrokePainted):
             told = read(tmp_path)
-            noted.append((told.painted, told.in_doubt))
+            noted.append((told.progress.painted, told.progress.in_doubt))
         return False
 
     setup = SessionSetup(6, replans=2, colors=2, stop_at=look, journal=begun(tmp_path))
@@ -47,7 +47,7 @@ def test_every_stroke_is_noted_before_and_after_it_is_painted(tmp_path: Path) ->
     def watched(waypoints):  # type: ignore[no-untyped-def]
         told = read(tmp_path)
         if waypoints.label.startswith("stroke"):
-            assert told.in_doubt == int(waypoints.label.split()[1]) == told.painted + 1
+            assert told.progress.in_doubt == int(waypoints.label.split()[1]) == told.progress.painted + 1
         return follow(waypoints)
 
     setup.robot.follow = watched  # type: ignore[method-assign]
@@ -71,27 +71,27 @@ def test_the_plan_in_the_folder_is_the_one_that_is_painted(tmp_path: Path) -> No
 
     def look(event: object) -> bool:
         if isinstance(event, StrokePainted):
-            digests.append((Plan.load(tmp_path).digest, read(tmp_path).plannings[-1].plan))
+            digests.append((Plan.load(tmp_path).digest, read(tmp_path).planning.adopted[-1].plan))
         return False
 
     SessionSetup(6, replans=2, stop_at=look, journal=begun(tmp_path)).run()
     assert all(kept == noted for kept, noted in digests) and len(digests) == 6
-    assert [planning.done for planning in read(tmp_path).plannings] == [0, 2, 4]
+    assert [planning.done for planning in read(tmp_path).planning.adopted] == [0, 2, 4]
 
 
 def test_what_is_seen_and_learned_is_kept(tmp_path: Path) -> None:
     setup = SessionSetup(6, replans=2, journal=begun(tmp_path))
     setup.run()
     told = read(tmp_path)
-    placed = placement_of(told.plannings[-1])
+    placed = placement_of(told.planning.adopted[-1])
     assert placed == setup.placements[-2], "the last batch was not planned after"
-    assert told.light == setup.observer.light.logarithm.tolist()
-    assert told.photographed == 5, "the bare canvas, three looks, the last photograph"
-    kept = [images.load_exactly(tmp_path / str(planning.photograph)) for planning in told.plannings]
+    assert told.pictures.light == setup.observer.light.logarithm.tolist()
+    assert told.pictures.count == 5, "the bare canvas, three looks, the last photograph"
+    kept = [images.load_exactly(tmp_path / str(planning.photograph)) for planning in told.planning.adopted]
     assert all((photograph == 240).all() for photograph in kept)
     seen = setup.observer.see(kept[0], 45)
     assert torch.equal(seen, setup.observer.look(1e9, 45)), "the photograph as it was kept shows the same"
-    assert told.finished and told.painted == 6 and told.runs == 1 and told.seconds >= 0
+    assert told.end.finished and told.progress.painted == 6 and told.sittings.count == 1 and told.sittings.seconds >= 0
 
 
 def test_at_which_heights_brushes_touch_is_known_again_when_it_is_resumed(tmp_path: Path) -> None:
@@ -100,9 +100,9 @@ def test_at_which_heights_brushes_touch_is_known_again_when_it_is_resumed(tmp_pa
     plan = made_up_plan(4, 2)
     journal = begun(tmp_path)
     journal.record_plan(plan, 0, Placement.unknown())
-    journal.record_kept_plan(plan, 2, learned)
+    journal.record_plan(plan, 2, learned, kept=True)
     journal.close()
-    found = [placement_of(planning) for planning in read(tmp_path).plannings]
+    found = [placement_of(planning) for planning in read(tmp_path).planning.adopted]
     assert found == [Placement.unknown(), learned]
 
 
@@ -111,8 +111,8 @@ def test_a_stop_is_noted_and_is_not_the_end(tmp_path: Path, painted: int) -> Non
     setup = SessionSetup(6, stop_at=lambda event: getattr(event, "done", 0) == painted, journal=begun(tmp_path))
     setup.run()
     told = read(tmp_path)
-    assert (told.painted, told.in_doubt, told.finished) == (painted, None, False)
-    assert told.stopped and told.doing == "stopped"
+    assert (told.progress.painted, told.progress.in_doubt, told.end.finished) == (painted, None, False)
+    assert told.end.stopped and told.progress.doing == "stopped"
 
 
 def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Path) -> None:
@@ -120,12 +120,12 @@ def test_a_stroke_in_doubt_that_is_painted_again_is_in_doubt_again(tmp_path: Pat
     journal.tell(MotionBegan(("stroke 1",), 1))
     journal.close()
     again, told = Journal.reopen(tmp_path)
-    assert (told.painted, told.in_doubt) == (0, 1)
+    assert (told.progress.painted, told.progress.in_doubt) == (0, 1)
     again.record_resume(repaint=True)
-    assert (told.painted, told.in_doubt) == (0, None)
-    assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, None)
+    assert (told.progress.painted, told.progress.in_doubt) == (0, None)
+    assert (read(tmp_path).progress.painted, read(tmp_path).progress.in_doubt) == (0, None)
     again.tell(MotionBegan(("stroke 1",), 1))
-    assert (read(tmp_path).painted, read(tmp_path).in_doubt) == (0, 1)
+    assert (read(tmp_path).progress.painted, read(tmp_path).progress.in_doubt) == (0, 1)
 
 
 def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> None:
@@ -133,8 +133,13 @@ def test_the_one_in_doubt_is_given_up_where_it_is_skipped(tmp_path: Path) -> Non
     journal.tell(MotionBegan(("stroke 1",), 1))
     journal.record_resume(repaint=False)
     told = read(tmp_path)
-    assert journal.state.given_up == [1]
-    assert (told.painted, told.in_doubt, told.given_up, told.runs) == (1, None, [1], 2)
+    assert journal.state.progress.given_up == [1]
+    assert (told.progress.painted, told.progress.in_doubt, told.progress.given_up, told.sittings.count) == (
+        1,
+        None,
+        [1],
+        2,
+    )
 
 
 def test_a_folder_without_a_journal_is_no_painting(tmp_path: Path) -> None:
@@ -188,15 +193,19 @@ def test_cut_at_every_byte_a_journal_is_the_same_for_all_who_read_it_and_goes_on
         painted = sum(each["kind"] == "stroke_painted" for each in whole)
         begun_last = whole[-1]["kind"] != "stroke_painted" and len(whole) > 1
         watched = PaintingState.of_journal(LogReader(tmp_path / "journal").stream(), tmp_path)
-        assert (watched.painted, watched.in_doubt) == (painted, painted + 1 if begun_last else None)
+        assert (watched.progress.painted, watched.progress.in_doubt) == (painted, painted + 1 if begun_last else None)
         if min(abs(length - end) for end in ends) > 1:  # each byte is opened in test_event_log.py
             continue
         again, told = Journal.reopen(tmp_path)
-        assert (told.painted, told.in_doubt, told.missing) == (painted, watched.in_doubt, len(records) - len(whole))
+        assert (told.progress.painted, told.progress.in_doubt, told.sittings.missing) == (
+            painted,
+            watched.progress.in_doubt,
+            len(records) - len(whole),
+        )
         again.record_resume(repaint=True)
         again.tell(StrokePainted(painted + 1, 6))
         again.close()
-        assert (read(tmp_path).painted, read(tmp_path).given_up) == (painted + 1, [])
+        assert (read(tmp_path).progress.painted, read(tmp_path).progress.given_up) == (painted + 1, [])
 
 
 def test_a_photograph_is_rather_left_out_than_the_painting_broken_off(tmp_path: Path) -> None:
@@ -204,12 +213,12 @@ def test_a_photograph_is_rather_left_out_than_the_painting_broken_off(tmp_path: 
     (tmp_path / "photographs").write_text("in the way")
     SessionSetup(4, replans=1, journal=journal).run()
     told = read(tmp_path)
-    assert told.finished and all(planning.photograph is None for planning in told.plannings)
+    assert told.end.finished and all(planning.photograph is None for planning in told.planning.adopted)
 
 
 def test_a_journal_nowhere_leaves_no_traces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    SessionSetup(4, journal=Journal.nowhere()).run()
+    SessionSetup(4, journal=Journal(None)).run()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -225,16 +234,17 @@ def test_what_resuming_needs_is_flushed_and_what_is_only_shown_is_not(
     journal, flushed = begun(tmp_path), []
     monkeypatch.setattr(os, "fsync", flushed.append)
     journal.show(Paused("You asked."))
-    assert not flushed and journal.state.paused
+    assert not flushed and journal.state.wishes.paused
     journal.tell(StrokePainted(1, 6))
-    assert len(flushed) == 1 and read(tmp_path).painted == 1
+    assert len(flushed) == 1 and read(tmp_path).progress.painted == 1
 
 
 def test_the_state_keeps_no_pixels_and_what_cannot_be_written_is_only_shown(tmp_path: Path) -> None:
     journal, pixels = begun(tmp_path), torch.zeros(3, 2, 2)
     journal.show(Looked(1, {}, pixels, pixels))
-    told = journal.state.looks[-1].told
-    assert (told.photograph, told.expected) == (None, None), "each look would keep megabytes"
+    journal.show(Planned(1, 2, 0.5, 0.4, shown={"prefix": ""}, expected=pixels))
+    for planned in (journal.state.pictures.looks[-1].planned, journal.state.planning.replanned):
+        assert planned is not None and planned.expected is None, "each look would keep megabytes"
     journal.show(PlanningStep("plan", 1, 2, math.inf))
-    shown = journal.state.version
-    assert read(tmp_path).version == shown - 1
+    shown = journal.state.sittings.version
+    assert read(tmp_path).sittings.version == shown - 1

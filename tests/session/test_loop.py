@@ -313,7 +313,7 @@ def test_nobody_waits_for_drying_that_a_simulation_does_at_once(tmp_path: Path) 
     setup.run()
     journal.close()
     noted = [event for line in EventLog.read(tmp_path / "journal") for event in events_of(line)]
-    assert journal.state.pace == 0.0 and journal.state.doing != "drying"
+    assert journal.state.progress.pace == 0.0 and journal.state.progress.doing != "drying"
     assert {event.pace for event in setup.heard if isinstance(event, Scheduled)} == {0.0}
     assert sum(isinstance(event, Drying) and event.left == 0 for event in noted) == 2
 
@@ -438,10 +438,10 @@ def test_a_stop_and_a_pause_are_heard_while_paint_dries(tmp_path: Path) -> None:
     journal.close()
     reopened, history = Journal.reopen(tmp_path)
     reopened.close()
-    last = history.last
-    assert last is not None and history.wet() == DRYING - 120
-    assert history.wet(last + timedelta(minutes=5)) == pytest.approx(DRYING - 420, abs=1)
-    assert history.wet(last + timedelta(hours=5)) == 0
+    last = history.sittings.last
+    assert last is not None and history.progress.wet() == DRYING - 120
+    assert history.progress.wet(last + timedelta(minutes=5)) == pytest.approx(DRYING - 420, abs=1)
+    assert history.progress.wet(last + timedelta(hours=5)) == 0
 
 
 @pytest.mark.parametrize("simulated", [True, False])
@@ -484,7 +484,7 @@ def test_a_look_that_fails_when_the_paint_is_dry_pauses_and_nothing_is_painted_b
     setup.journal.close()
     reopened, history = Journal.reopen(tmp_path)
     reopened.close()
-    assert history.wet() == 0 and history.painted == 2
+    assert history.progress.wet() == 0 and history.progress.painted == 2
 
 
 TAN = (0.784, 0.659, 0.471)

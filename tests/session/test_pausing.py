@@ -69,7 +69,11 @@ def test_a_pause_that_nobody_ends_ends_the_painting_resumably(tmp_path: Path) ->
     setup = SessionSetup(9, pause_at=after(4), journal=begun(tmp_path))
     with pytest.raises(PaintingPaused, match=r"You asked for a pause: .* The painting has paused after 4 strokes"):
         setup.run()
-    assert (told(tmp_path).painted, told(tmp_path).in_doubt, told(tmp_path).finished) == (4, None, False)
+    assert (told(tmp_path).progress.painted, told(tmp_path).progress.in_doubt, told(tmp_path).end.finished) == (
+        4,
+        None,
+        False,
+    )
     assert setup.robot.labels()[-3:] == ["rinse", "wipe", "home"]
 
 
@@ -110,7 +114,7 @@ def test_on_a_full_disk_it_pauses_before_the_next_stroke_and_goes_on_when_there_
     assert setup.painted() == list(range(1, 8))
     (paused,) = pauses(setup)
     assert paused.done == 3 and "No space left on device" in paused.reason
-    assert told(tmp_path).finished and told(tmp_path).painted == 7
+    assert told(tmp_path).end.finished and told(tmp_path).progress.painted == 7
 
 
 def test_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
@@ -131,7 +135,7 @@ def test_where_nobody_makes_room_it_ends_and_can_be_resumed_later(
     disk.full = False
     setup.session.journal.close()
     journal, history = Journal.reopen(tmp_path)
-    assert (history.painted, history.in_doubt) == (3, None)
+    assert (history.progress.painted, history.progress.in_doubt) == (3, None)
     journal.record_resume(repaint=False)
 
 
@@ -151,7 +155,7 @@ def test_a_folder_that_vanishes_pauses_it_as_a_full_disk_does(tmp_path: Path) ->
     setup = SessionSetup(5, pause_at=vanish, go_on=bring_back, journal=begun(folder))
     setup.run()
     assert [paused.done for paused in pauses(setup)] == [2] and setup.painted() == [1, 2, 3, 4, 5]
-    assert told(folder).finished
+    assert told(folder).end.finished
 
 
 def test_photographs_are_given_up_before_the_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -163,8 +167,8 @@ def test_photographs_are_given_up_before_the_journal(tmp_path: Path, monkeypatch
     monkeypatch.setattr("frida_painter.system.images.save_exactly", full)
     setup = SessionSetup(6, replans=2, journal=begun(tmp_path))
     setup.run()
-    assert pauses(setup) == [] and told(tmp_path).finished
-    assert [planning.photograph for planning in told(tmp_path).plannings] == [None] * 3
+    assert pauses(setup) == [] and told(tmp_path).end.finished
+    assert [planning.photograph for planning in told(tmp_path).planning.adopted] == [None] * 3
 
 
 class Blind(PatientCamera):

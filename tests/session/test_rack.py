@@ -79,7 +79,7 @@ def test_every_layer_is_painted_with_its_brush_and_all_stand_in_the_rack_in_the_
     assert labels[last - 4 : last] == 2 * ["rinse", "wipe"] and labels[last + 1 :] == ["home"]
     painted.journal.close()
     history, records = journal_of(tmp_path)
-    assert history.held == "" and history.finished
+    assert history.brush.held == "" and history.end.finished
     held = [record["brush"] for record in records if record["kind"] == "brush_in_hand"]
     assert held == [None, "small", None, "", None, "large", None, ""]
     noted = [
@@ -154,7 +154,7 @@ def test_whoever_resumes_knows_what_is_in_the_hand_or_that_nobody_does(
         painted.run()
     painted.journal.close()
     history, _ = journal_of(tmp_path)
-    assert history.held == held
+    assert history.brush.held == held
 
 
 @pytest.mark.parametrize(

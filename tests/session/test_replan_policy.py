@@ -157,10 +157,10 @@ def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_pat
     journal.close()
     assert first.planner.asked == []
     again, history = Journal.reopen(tmp_path)
-    assert [planning.done for planning in history.plannings] == [0, 2]
-    known = [placement_of(planning) for planning in history.plannings]
+    assert [planning.done for planning in history.planning.adopted] == [0, 2]
+    known = [placement_of(planning) for planning in history.planning.adopted]
     assert known[1] == first.placements[0] != known[0]
-    assert history.plannings[1].photograph != history.plannings[0].photograph
+    assert history.planning.adopted[1].photograph != history.planning.adopted[0].photograph
     again.record_resume(repaint=False)
     kept = load_kept_plan(tmp_path, history)
     assert kept is not None and not kept.foreign
@@ -168,7 +168,9 @@ def test_what_a_look_taught_is_kept_also_where_nothing_was_planned_again(tmp_pat
         8, planner=OftenWrong(), camera=PatientCamera(noisy=True), simulated=True, policy=policy, journal=again
     )
     white = torch.ones(3, 48, 64)
-    painting = second.resume(PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, white, white))
+    painting = second.resume(
+        PaintingProgress.resume(kept.plan, history.progress.painted, kept.planning.done, white, white)
+    )
     again.close()
     assert painting.painted == 8 and second.painted() == [4, 5, 6, 7, 8]
     assert second.planner.located == [2, 2, 2], "strokes of which the first sitting had learned are not learned again"

@@ -15,7 +15,7 @@ from frida_painter.errors import PlanError
 from frida_painter.session import resuming
 from frida_painter.session.choreography import Action
 from frida_painter.session.events import Dipped, Event, PlanAdopted, StrokeLeftOut, StrokePainted
-from frida_painter.session.fold import PaintingState
+from frida_painter.session.fold import PaintingState, Sittings, StrokeProgress
 from frida_painter.session.journal import Journal, placement_of
 from frida_painter.session.open_loop import bare_paper, paint_on_paper
 from frida_painter.session.progress import PaintingProgress
@@ -72,10 +72,10 @@ def resumed(world: VirtualPainting, folder: Path, *, repaint: bool = False) -> T
     before = PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
     painting, studio, _ = world.resume(folder, repaint=repaint)
     wanted = list(range(1, STROKES + 1))
-    if before.in_doubt is not None and not repaint:
-        wanted[before.in_doubt - 1] *= -1
+    if before.progress.in_doubt is not None and not repaint:
+        wanted[before.progress.in_doubt - 1] *= -1
     assert strokes_of(folder) == wanted and painting.painted == STROKES
-    assert PaintingState.of_journal(EventLog.read(folder / "journal"), folder).finished
+    assert PaintingState.of_journal(EventLog.read(folder / "journal"), folder).end.finished
     return studio.truth(180)
 
 
@@ -96,12 +96,12 @@ def test_strokes_that_were_given_up_are_not_on_the_expected_canvas(tmp_path: Pat
     plan = made_up_plan(6)
     models = load_models_of(plan)
     kept = resuming.KeptPlan(plan, PlanAdopted(plan.digest, 3, None, (0.0, 0.0, 0.0), ()))
-    history = PaintingState(painted=6, given_up=[2, 5])
-    before, now = resuming.resume_open_loop(tmp_path, kept, 6, history.left_out, models)
+    history = PaintingState(progress=StrokeProgress(painted=6, given_up=[2, 5]))
+    before, now = resuming.resume_open_loop(tmp_path, kept, 6, history.progress.left_out, models)
     bare = bare_paper(plan.canvas, plan.ground)
     assert torch.equal(before, paint_on_paper(plan.part([0, 2]), models, bare))
     assert torch.equal(now, paint_on_paper(plan.part([3, 5]), models, before))
-    assert len(PaintingProgress.resume(plan, 6, 3, before, now, None, history.left_out).batch) == 2
+    assert len(PaintingProgress.resume(plan, 6, 3, before, now, None, history.progress.left_out).batch) == 2
 
 
 def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
@@ -109,7 +109,7 @@ def test_killed_between_strokes_it_goes_on_with_the_next_one_and_a_clean_brush(
 ) -> None:
     """Fault F1: the painting process is killed between two strokes."""
     before = killed(world, tmp_path, ended(5))
-    assert before.painted == 5 and before.in_doubt is None
+    assert before.progress.painted == 5 and before.progress.in_doubt is None
     assert off(resumed(world, tmp_path), undisturbed) < CLEANED
     records = EventLog.read(tmp_path / "journal")
     after = records[next(number for number, one in enumerate(records) if one["kind"] == "session_resumed") :]
@@ -126,7 +126,7 @@ def test_killed_in_a_stroke_that_one_is_in_doubt_and_only_painted_again_when_tol
     In the last batch, after which nothing is planned again: all other strokes are the same ones.
     """
     before = killed(world, tmp_path, began(10))
-    assert before.painted == 9 and before.in_doubt == 10
+    assert before.progress.painted == 9 and before.progress.in_doubt == 10
     canvas = resumed(world, tmp_path, repaint=repaint)
     if repaint:
         assert off(canvas, undisturbed) < CLEANED
@@ -201,14 +201,14 @@ def test_killed_twice_it_is_still_the_same_painting(
     kill_when(tmp_path / "journal", ended(9), lambda: world.resume(tmp_path))
     canvas = resumed(world, tmp_path)
     assert off(canvas, undisturbed) < CLEANED
-    assert PaintingState.of_journal(EventLog.read(tmp_path / "journal"), tmp_path).runs == 3
+    assert PaintingState.of_journal(EventLog.read(tmp_path / "journal"), tmp_path).sittings.count == 3
 
 
 def test_killed_while_planning_nothing_is_lost_but_the_planning(
     world: VirtualPainting, undisturbed: Undisturbed, tmp_path: Path
 ) -> None:
     before = killed(world, tmp_path, lambda record: record["kind"] == "canvas_picture")
-    assert before.plannings == [] and before.painted == 0
+    assert before.planning.adopted == [] and before.progress.painted == 0
     assert world.planner.validation_loss(resumed(world, tmp_path)) < 1.35 * undisturbed.loss, "another plan, as good"
 
 
@@ -262,7 +262,7 @@ def test_photographs_that_are_not_as_they_were_taken_are_told(world: VirtualPain
     """Fault F33: what decides how the painting goes on was changed before resuming."""
     killed(world, tmp_path, ended(6))
     _, history = reread(tmp_path)
-    first, second, *_ = history.photographs
+    first, second, *_ = history.pictures.files
 
     def told() -> list[str]:
         return resuming.changes(tmp_path, history, {"strokes": STROKES}, RESTS_ON, None)
@@ -271,14 +271,14 @@ def test_photographs_that_are_not_as_they_were_taken_are_told(world: VirtualPain
     (tmp_path / first).unlink()
     (tmp_path / second).write_bytes((tmp_path / second).read_bytes()[:1000])
     assert told() == [f"{first}: it is gone", f"{second}: it is another one than was taken"]
-    history.photographs[second] = None  # an earlier program did not take down what it was like
+    history.pictures.files[second] = None  # an earlier program did not take down what it was like
     assert told() == [f"{first}: it is gone"]
 
 
 def test_changed_settings_and_files_are_told_one_by_one(tmp_path: Path) -> None:
     """Fault F33: the plan or the settings were changed before resuming."""
     settings = {"strokes": 12, "effort": 1.0, "old": 1}
-    history = PaintingState(settings=settings, rests_on={"goal": "a" * 64, "brush": "none"})
+    history = PaintingState(Sittings(settings=settings, rests_on={"goal": "a" * 64, "brush": "none"}))
     told = resuming.changes(
         tmp_path, history, {"strokes": 12, "effort": 2.0, "new": None}, {"goal": "b" * 64, "brush": "gone"}, None
     )

@@ -110,7 +110,7 @@ def soak(folder: Path, strokes: int, replans: int, growth: float) -> None:
     assert painting.painted == strokes and gauge.strokes == list(range(1, strokes + 1))
     assert gauge.plans == 1 + replans
     history = PaintingState.of_journal(EventLog.read(folder / "journal"), folder)
-    assert history.finished and history.painted == strokes and len(history.plannings) == 1 + replans
+    assert history.end.finished and history.progress.painted == strokes and len(history.planning.adopted) == 1 + replans
     half, last = len(gauge.memory) // 2, 3 * len(gauge.memory) // 4
     # What is taken for a moment and given back comes and goes; what stays is the least of each quarter.
     grown = min(gauge.memory[last:]) - min(gauge.memory[half:last])

@@ -64,7 +64,7 @@ def test_a_painting_whose_strokes_are_all_painted_is_finished_whatever_its_last_
 ) -> None:
     """Faults F21 and F23, after the last stroke: nothing is decided any more, and nobody is there to be asked."""
     heard: list[Event] = []
-    session, studio = world.session(tmp_path, Journal.nowhere(), faults=faults, notify=heard.append)
+    session, studio = world.session(tmp_path, Journal(None), faults=faults, notify=heard.append)
     painting = session.run(STROKES, 3)
     studio.close()
     (doubted,) = [event for event in heard if isinstance(event, Remark)]
@@ -79,12 +79,12 @@ def test_what_is_doubtful_is_looked_at_again_in_the_studio_and_asked_about_once_
     doubt = Registration(Verdict.UNSURE, CanvasShift(0.001))
     monkeypatch.setattr(frame_check, "register", lambda *args: doubt)
     asked: list[Paused] = []
-    session, studio = world.session(tmp_path / "studio", Journal.nowhere())
+    session, studio = world.session(tmp_path / "studio", Journal(None))
     assert session.run(STROKES, 3).painted == STROKES
     studio.close()
     for go_on, painted in ((True, STROKES), (False, None)):
         asked.clear()
-        session, studio = world.session(tmp_path / str(go_on), Journal.nowhere())
+        session, studio = world.session(tmp_path / str(go_on), Journal(None))
         real = replace(studio.easel, simulated=False)
         session.observer.easel = session.hand.easel = real
         session.interruptions._go_on = lambda paused, go_on=go_on: asked.append(paused) or go_on

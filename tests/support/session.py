@@ -152,7 +152,7 @@ class SessionSetup:
     go_on: Callable[[Paused], bool] = lambda paused: False
     mixed: Callable[[Palette], Palette | None] = lambda wanted: None
     policy: ReplanPolicy | None = None
-    journal: Journal = field(default_factory=Journal.nowhere)
+    journal: Journal = field(default_factory=lambda: Journal(None))
     robot: NotingRobot = field(default_factory=NotingRobot)
     camera: PatientCamera = field(default_factory=PatientCamera)
     planner: NotingPlanner = field(default_factory=NotingPlanner)

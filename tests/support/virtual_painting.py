@@ -132,7 +132,7 @@ class VirtualPainting:
         else:
             before = resuming.load_seen_canvas(folder, kept, session.observer)
             painting = session.resume(
-                PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, before, now)
+                PaintingProgress.resume(kept.plan, history.progress.painted, kept.planning.done, before, now)
             )
         journal.close()
         studio.close()

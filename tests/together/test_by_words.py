@@ -4,7 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator
-from copy import copy
+from copy import deepcopy
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -46,7 +46,7 @@ class Terminal:
         return self.lines.pop(0)
 
     def paint(self, journal: Journal) -> SessionSetup:
-        known = copy(self.history)  # it goes on with the journal
+        known = deepcopy(self.history)  # it goes on with the journal
 
         def pause_at(event: Event) -> bool:
             return isinstance(event, StrokePainted) and event.done == 2
@@ -66,8 +66,10 @@ class Terminal:
 
             conductor = Conductor(self.folder, hear, lambda: False, 0.0, lambda: setup.session, elsewhere=elsewhere)
             if known is not None:
-                journal.state.proposed = journal.state.proposed or known.proposed  # as before the first stroke
-                conductor.owe(known.request, known.proposed)
+                journal.state.wishes.proposed = (
+                    journal.state.wishes.proposed or known.wishes.proposed
+                )  # as before the first stroke
+                conductor.owe(known.wishes.request, known.wishes.proposed)
             return conductor.go_on(paused)
 
         setup = SessionSetup(6, replans=0, pause_at=pause_at, go_on=go_on, journal=journal)
@@ -140,8 +142,8 @@ def test_a_talk_that_broke_off_goes_on_from_there(tmp_path: Path, pursued: list[
         "made": {},
         "chosen": {"kind": "choose", "file": "changes/1/a-storm-3.png"},
     }
-    history.request = told[broke_off]
-    history.proposed = history.proposed if broke_off == "made" else None
+    history.wishes.request = told[broke_off]
+    history.wishes.proposed = history.wishes.proposed if broke_off == "made" else None
     pursued.clear()
     lines = {"asked": ["1", ""], "made": ["3", ""], "chosen": []}[broke_off]
     Terminal(tmp_path, lines, history=history).paint(journal)

@@ -82,7 +82,7 @@ class Table:
             replans=0,
             pause_at=self._pauses(pause_after),
             go_on=self._go_on,
-            journal=journal or Journal.nowhere(),
+            journal=journal or Journal(None),
         )
         self.setup.session.interruptions.pause_cause = self._pause_cause
         self.controller.opened = lambda: self.setup.session
@@ -172,7 +172,7 @@ def test_a_region_and_another_goal_reach_the_planner(folder: Path) -> None:
     history = Journal.reopen(folder)[1]
     kept_region = resuming.region(folder, history)
     assert kept_region is not None and torch.equal(kept_region.forbidden, after.region.forbidden)
-    assert read_goal(folder / history.goal)["goal"][0]["weight"] == 2
+    assert read_goal(folder / history.wishes.goal)["goal"][0]["weight"] == 2
     assert table.told(events.NewGoal)[0].wish["terms"][0]["weight"] == 2
     assert sum(isinstance(event, events.Planned) for event in table.setup.heard) >= 3
 
@@ -238,8 +238,8 @@ def test_pictures_begin_from_the_canvas_and_nobody_has_to_choose_one(folder: Pat
     assert len({one["seed"] for one in made.pictures}) == 4
     record = json.loads((folder / "changes" / "1" / "making.json").read_text())
     assert record["words"] == "add a boat" and str(folder) not in json.dumps(record["facts"])
-    history = Journal.reopen(folder)[1]
-    assert history.goal == "" and history.request == {} and history.proposed is None, "it has painted on"
+    wishes = Journal.reopen(folder)[1].wishes
+    assert wishes.goal == "" and wishes.request == {} and wishes.proposed is None, "it has painted on"
 
 
 FAULTS = {
@@ -332,7 +332,7 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
     kill_when(folder / "nowhere", said, is_said)
     journal, history = Journal.reopen(folder)
     kept = resuming.load_kept_plan(folder, history)
-    assert kept is not None and history.painted == 2
+    assert kept is not None and history.progress.painted == 2
     journal.record_resume(repaint=False)
     table, seen = Table(folder, 6, pause_after=0, journal=journal, began=time.time()), list[Path]()
     _planned(table)
@@ -340,21 +340,21 @@ def test_what_the_page_said_it_does_is_done_although_the_painter_was_killed_at_t
     region = resuming.region(folder, history)
     table.setup.session.planner = planner.keeping_clear(region)
     table.controller.look_at = seen.append
-    table.controller.owe(history.request, history.proposed)
+    table.controller.owe(history.wishes.request, history.wishes.proposed)
     table.says = 6 * [GO_ON]
     now = table.setup.session.look()
     table.setup.session.resume(PaintingProgress.resume(kept.plan, 2, kept.planning.done, None, now))
     journal.close()
     done, table.controller.opened = is_done(table, seen), lambda: None  # its thread stays, and would keep the session
     assert done
-    assert Journal.reopen(folder)[1].request == {}, "and it is done once"
+    assert Journal.reopen(folder)[1].wishes.request == {}, "and it is done once"
 
 
 def test_a_drawing_that_is_finished_is_finished_by_the_next_painter_too(folder: Path) -> None:
     kill_when(folder / "journal", lambda record: record["kind"] == "command_taken", lambda: _ask(FINISH)(folder))
     history = Journal.reopen(folder)[1]
     controller = Conductor(folder, lambda event: None, lambda: False, time.time() + 1)
-    controller.owe(history.request, history.proposed)
+    controller.owe(history.wishes.request, history.wishes.proposed)
     assert controller.pause_cause() == "person" and list(controller._commands) == [FINISH]
 
 

@@ -145,7 +145,7 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     assert len(rows) > 500 and (near < 0.1).mean() > 0.95, "only the person's paint is found between the two looks"
     journal = list(EventLog.read(tmp_path / "whole/journal"))
     history = PaintingState.of_journal(journal, tmp_path)
-    assert history.finished and len(history.person) == 2 and history.person_in_doubt is None
+    assert history.end.finished and len(history.people.strokes) == 2 and history.people.in_doubt is None
     looked = [record["kind"] for record in journal]
     assert "canvas_picture" in looked[looked.index("paused") : looked.index("stroke_of_person")]
 
@@ -155,8 +155,8 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     killed = Together(world, tmp_path / "killed", pens)
     kill_when(tmp_path / "killed/journal", in_doubt, killed.paint)
     journal_again, history = Journal.reopen(tmp_path / "killed")
-    begun = history.person_in_doubt
-    assert begun is not None and begun.number == 2 and history.person_seen == 0
+    begun = history.people.in_doubt
+    assert begun is not None and begun.number == 2 and history.people.seen == 0
     session, studio = world.session(tmp_path / "killed", journal_again, history)
     before = studio.canvas.wet.copy()
     session.person.finish(begun)
@@ -167,8 +167,8 @@ def test_a_person_paints_in_a_pause_and_the_robot_answers_also_after_it_was_kill
     kept = resuming.load_kept_plan(tmp_path / "killed", history)
     assert kept is not None
     now = session.look()
-    where = PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, None, now)
-    where.person, where.person_unseen = len(history.person), True
+    where = PaintingProgress.resume(kept.plan, history.progress.painted, kept.planning.done, None, now)
+    where.person, where.person_unseen = len(history.people.strokes), True
     assert session.resume(where).painted == STROKES
     journal_again.close()
     studio.close()

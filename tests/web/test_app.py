@@ -641,7 +641,7 @@ def test_a_painting_of_the_terminal_is_led_and_gone_on_with_like_any_other(
     (card,) = visitor.get("/api/paintings").json()
     assert (card["title"], card["stage"], card["working"]) == (folder.name, "painting", True)
     path = f"/api/paintings/{card['id']}"
-    assert visitor.get(path).json()["painting"]["done"] == 1 and visitor.get("/api/work").json()["moves"]
+    assert visitor.get(path).json()["painting"]["progress"]["painted"] == 1 and visitor.get("/api/work").json()["moves"]
     (studio.store.pictures / f"{PICTURE}.png").write_bytes(b"drawn")
     (studio.store.pictures / f"{PICTURE}.making.json").write_bytes(b"{}")
     inbox, goal = Inbox(folder, 0.0), {"kind": "goal", "terms": [{"kind": "image", "picture": PICTURE}]}

@@ -93,12 +93,12 @@ def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path:
 
     journal, state = Journal.reopen(tmp_path)
     kept = load_kept_plan(tmp_path, state)
-    assert kept is not None and state.painted == STOP_AFTER
+    assert kept is not None and state.progress.painted == STOP_AFTER
     journal.record_resume(repaint=False)
     second = Sitting(STROKES, replans=1, journal=journal, camera=PatientCamera(noisy=True), simulated=True)
     second.lead(tmp_path, planner, viewer)
     now = second.session.look()
-    where = PaintingProgress.resume(kept.plan, state.painted, kept.planning.done, None, now)
+    where = PaintingProgress.resume(kept.plan, state.progress.painted, kept.planning.done, None, now)
     assert second.session.resume(where).painted == STROKES
     for event in (events.Began("results"), events.ResultFound("results", detail={"film": False})):
         second._hear(event)
@@ -106,7 +106,7 @@ def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path:
 
     statuses = [shown["painting"]["status"] for _, shown in viewer.shown]
     assert {"mixing", "painting", "planning", "stopped", "finished"} <= set(statuses)
-    assert any(shown["painting"]["replanned"] for _, shown in viewer.shown)
+    assert any(shown["painting"]["planning"]["replanned"] for _, shown in viewer.shown)
     content = viewer.journal.read_bytes()
     for length, shown in viewer.shown:
         (tmp_path / "prefix").write_bytes(content[:length])
@@ -114,6 +114,6 @@ def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path:
         for event, at in FeedReader(tmp_path / "prefix").read_with_times():
             again.hear_painting(event, at)
         assert again.to_plain(Truth(working=True)) == shown
-    assert viewer.shown[-1][1]["painting"]["done"] == STROKES
-    assert state.finished and Journal.reopen(tmp_path)[1].finished
+    assert viewer.shown[-1][1]["painting"]["progress"]["painted"] == STROKES
+    assert state.end.finished and Journal.reopen(tmp_path)[1].end.finished
     assert isinstance(first.heard[-1], events.Stopped)

@@ -78,21 +78,27 @@ def test_waits_are_told_in_words() -> None:
 def test_a_painting_is_followed_stroke_by_stroke() -> None:
     page = told(*PLANNED, PAINT, journal=PAINTED)
     painting = page.to_plain(AT_WORK)["painting"]
-    assert (painting["status"], painting["done"], painting["of"], painting["paint"]) == ("painting", 3, 4, 2)
-    assert painting["looks"] == [{"done": 2, **LOOK, "why": "", "gain": 0.25, "plan": "d.jpg"}]
-    assert painting["replanned"]["prefix"] == "plan-2-" and painting["replanned"]["done"] == 2
-    assert (painting["plan"], painting["dips"], painting["kept"], painting["photograph"]) == (1, {2: 1}, False, "a.jpg")
+    progress, brush, pictures = painting["progress"], painting["brush"], painting["pictures"]
+    assert (painting["status"], progress["painted"], progress["of"], brush["paint"]) == ("painting", 3, 4, 2)
+    (look,) = pictures["looks"]
+    assert (look["done"], look["pictures"], look["why"], look["planned"]["look"]) == (2, LOOK, "", "d.jpg")
+    assert (look["planned"]["loss_before"], look["planned"]["loss_after"], look["planned"]["shown"]) == (0.4, 0.3, {})
+    replanned = painting["planning"]["replanned"]
+    assert replanned["shown"]["prefix"] == "plan-2-" and replanned["done"] == 2
+    assert (painting["plan"], brush["dips"], pictures["photograph"]) == (1, {2: 1}, "a.jpg")
+    assert painting["end"]["results"] is None
     planning = told(*PLANNED, PAINT, journal=PAINTED[:7]).to_plain(AT_WORK)["painting"]
-    assert (planning["status"], planning["growing"]) == ("planning", "growing-0001.jpg")
+    assert (planning["status"], planning["planning"]["growing"]) == ("planning", "growing-0001.jpg")
     page.hear_painting(Drying(3, 660.0))
     page.hear_painting(Remark("0.8 mm lower", "touch", "fine"))
     page.hear_painting(ResultFound("found", "found.jpg"))
     drying = page.to_plain(AT_WORK)["painting"]
-    assert (drying["status"], drying["dries"], drying["looks"][-1]["found"]) == ("drying", 660.0, "found.jpg")
-    assert "0.8 mm lower" in drying["looks"][-1]["touch"][0]
+    assert (drying["status"], drying["progress"]["drying"]["left"]) == ("drying", 660.0)
+    look = drying["pictures"]["looks"][-1]
+    assert look["found"] == "found.jpg" and "0.8 mm lower" in look["touch"][0]
     page.hear_painting(KEPT)
     kept = page.to_plain(AT_REST)["painting"]
-    assert (kept["status"], kept["film"], kept["arm"], kept["left"]) == ("finished", True, False, 0.0)
+    assert (kept["status"], kept["end"]["results"], kept["left"]) == ("finished", ["film"], 0.0)
 
 
 def test_a_question_is_open_until_it_is_answered_or_nobody_asks_any_more() -> None:
@@ -110,7 +116,9 @@ def test_no_path_is_shown() -> None:
     for event in (PAINTED[0], Paused(sentences[0]), Remark(sentences[0]), Stopped(sentences[0])):
         page.hear_painting(event)
     shown = page.to_plain(AT_WORK)
-    assert {shown["trouble"], shown["painting"]["reason"], shown["painting"]["remark"]} == {sentences[1]}
+    painting = shown["painting"]
+    said = shown["trouble"], painting["wishes"]["pause"]["reason"], painting["people"]["remark"]
+    assert set(said) == {sentences[1]} and page.place not in json.dumps(shown)
 
 
 NO_STROKE = Truth(working=False, begun=False)

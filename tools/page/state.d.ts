@@ -19,14 +19,23 @@ interface PlanState {
   number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null; said: string;
   growing: string | null; made: Made | null;
 }
-interface Look { done: number; seen: string; expected: string; difference: string; why: string; gain?: number; touch?: string[]; plan?: string; found?: string }
-interface Game { minutes: number; policy: string; keep: "welcome" | "protect" }
+// The records of session/fold.py and events.py, under their names.
+interface Planned { done: number; strokes: number; loss_before: number; loss_after: number; look: string; shown: Omit<Made, "nearer" | "mixtures" | "seconds"> }
+interface Look { done: number; pictures: { seen: string; expected: string; difference: string }; why: string; planned: Planned | null; touch: string[]; found: string }
+interface Turns { strokes: number; minutes: number; policy: string; keep: "welcome" | "protect" }
 interface PersonBrush { name: string; light: number; hard: number }
 interface PaintState {
-  plan: number; of: number; status: string; done: number; left: number | null; said: string; dries: number; photograph: string | null; growing: string | null;
-  brush: string; paint: number | null; dips: Record<number, number>; since_dip: number; reason: string; looks: Look[];
-  replanned: (Omit<Made, "nearer" | "mixtures" | "seconds"> & { done: number }) | null; held: boolean; cause: "person" | "button" | "turn" | "trouble" | null; turns: number; game: Game;
-  region: { picture: string; only: boolean } | null; remark: string; wish: { terms: Term[]; initial: Term[] } | null; making: string | null; proposed: Making | null; person: { brushes: PersonBrush[]; wells: string[]; strokes: number } | null; film: boolean; arm: boolean; kept: boolean; painters: boolean;
+  plan: number; status: string; said: string; left: number | null;
+  progress: { painted: number; of: number; drying: { left: number } | null; pace: number };
+  brush: { name: string; paint: number | null; since_dip: number; dips: Record<number, number> };
+  planning: { replanned: Planned | null; growing: string | null };
+  pictures: { photograph: string | null; looks: Look[] };
+  wishes: {
+    goals: { wish: { terms?: Term[]; initial?: Term[] } }[]; request: { kind?: string; words?: string }; proposed: Making | null; region: { drawing: string; only: boolean } | null;
+    turns: Turns; pause: { reason: string; cause: "person" | "button" | "turn" | "trouble" } | null; paused: boolean;
+  };
+  people: { remark: string; may_paint: { brushes: PersonBrush[]; wells: string[] } | null; painted: number };
+  end: { results: string[] | null };
 }
 interface State {
   stage: "waiting" | "planning" | "plan stopped" | "plan failed" | "planned" | "queued" | "preparing" | "mixing" | "painting" | "drying" | "replanning"

@@ -102,7 +102,7 @@ def page(story: Mapping[str, Any]) -> str:
     if nobody photographed the finished canvas.
     """
     # The curve is markup of this module, which escapes its texts.
-    known: dict[str, Any] = {"curve": Markup(curve_svg(story["state"].phases)), "forecast": SimilarityForecast}
+    known: dict[str, Any] = {"curve": Markup(curve_svg(story["state"].planning.phases)), "forecast": SimilarityForecast}
     known |= {"sheet_file": sheet_file, "count_of": count_of, "mixing_changes": mixing_changes}
     html = template("page.html").render(story=story, **known)
     return html.encode("utf-8", "replace").decode("utf-8")

@@ -23,7 +23,7 @@ from frida_painter.report.sheets import RecipeSheets, difference
 from frida_painter.report.story import PictureComparison, compare, paints
 from frida_painter.session import events
 from frida_painter.session.events import Event
-from frida_painter.session.fold import PaintingState
+from frida_painter.session.fold import LookState, PaintingState
 from frida_painter.session.progress import Painting
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images, storage
@@ -163,10 +163,10 @@ class Recorder:
         before, self._plan = self._plan, self._plan.part(slice(event.done)).followed_by(event.plan)
         if not torch.equal(before.palette.color, self._plan.palette.color):  # new paints for the next layer
             self._sheets.renew(self._plan, before.palette)
-        look = self.state.looks[-1] if self.state.looks else None
-        if look is None or look.told.done != event.done or look.planned is not None or not look.told.pictures:
+        look = self.state.pictures.looks[-1] if self.state.pictures.looks else None
+        if look is None or look.done != event.done or look.planned is not None or not look.pictures:
             return event
-        name = look.told.pictures["seen"].replace("photograph", "plan")
+        name = look.pictures["seen"].replace("photograph", "plan")
         images.save(event.expected, self.folder / name)
         return replace(event, look=name)
 
@@ -214,9 +214,9 @@ class Recorder:
                 self._filming = False
                 raise
 
-    def _looks(self) -> list[tuple[events.Looked, events.Planned]]:
+    def _looks(self) -> list[tuple[LookState, events.Planned]]:
         """Returns the looks after which the rest was planned again, with the new plans."""
-        return [(look.told, look.planned) for look in self.state.looks if look.planned and look.planned.look]
+        return [(look, look.planned) for look in self.state.pictures.looks if look.planned and look.planned.look]
 
     def _compare(self, photograph: Tensor, first_expected: Tensor) -> tuple[PictureComparison, ...]:
         """Returns comparisons of plan, painting and, if there is one, target, as in their files, at the plan's size."""
@@ -227,26 +227,26 @@ class Recorder:
         return tuple(compare(f"The {one} against the {other}", a, b, *size) for (one, a), (other, b) in pairs)
 
     def _write_result(self, plan: Plan, painting: Painting, comparisons: tuple[PictureComparison, ...]) -> None:
-        state = self.state
+        state, expected = self.state, self.state.planning.expected_seconds
         storage.write_json(
             self.folder / _RESULT,
             {
                 "format": "frida-painter result",
                 "version": 1,
                 "title": self.described.title,
-                "stopped": state.stopped,
+                "stopped": state.end.stopped,
                 "photographed": self._watched,
                 "settings": self.described.settings,
-                "goal_changes": [{"strokes": each.done, "goal": list(each.facts)} for each in state.goals],
+                "goal_changes": [{"strokes": each.done, "goal": list(each.facts)} for each in state.wishes.goals],
                 "strokes_planned": len(plan),
-                "strokes_painted": painting.painted - len(state.given_up),
-                "dips": sum(state.dips.values()),
-                "cleanings": state.cleanings,
-                "seconds": round(state.seconds, 3),
-                "sittings": state.runs,
-                "strokes_given_up": state.given_up,
+                "strokes_painted": painting.painted - len(state.progress.given_up),
+                "dips": sum(state.brush.dips.values()),
+                "cleanings": state.brush.cleanings,
+                "seconds": round(state.sittings.seconds, 3),
+                "sittings": state.sittings.count,
+                "strokes_given_up": state.progress.given_up,
                 "robot_seconds": round(painting.robot_seconds, 3),
-                "robot_seconds_expected": round(state.expected_seconds, 3) if state.expected_seconds else None,
+                "robot_seconds_expected": round(expected, 3) if expected else None,
                 "plan_digest": plan.digest,
                 "palette": [paint.hex for paint in paints(plan)],
                 "comparisons": [
@@ -255,7 +255,7 @@ class Recorder:
                 ],
                 "forecasts": [
                     {"strokes": done, **{name: round(psnr, 3) for name, psnr in zip(_FORECAST, found, strict=True)}}
-                    for done, found in state.forecasts
+                    for done, found in state.planning.forecasts
                 ],
                 "looks": [
                     {"strokes": look.done, "loss_before": planned.loss_before, "loss_after": planned.loss_after}

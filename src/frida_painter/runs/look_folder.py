@@ -149,7 +149,7 @@ class LookFolder:
 
 def is_finished(folder: Path) -> bool:
     """Returns True if the painting in `folder` is complete; a painter may be at work. Raises StorageError."""
-    return PaintingState.of_journal(EventLog.read(folder / JOURNAL), folder).finished
+    return PaintingState.of_journal(EventLog.read(folder / JOURNAL), folder).end.finished
 
 
 def check_picture(folder: Path, given: GivenPicture) -> Snapshot:
@@ -160,13 +160,13 @@ def check_picture(folder: Path, given: GivenPicture) -> Snapshot:
     """
     history = PaintingState.of_journal(EventLog.read(folder / JOURNAL), folder)
     kept = resuming.load_kept_plan(folder, history)
-    if kept is None or not history.painted:
+    if kept is None or not history.progress.painted:
         raise ConfigError(
             f"{storage.abridge(folder)} has no strokes yet; give a picture when there is something to see."
         )
-    done = given.count_strokes(folder / JOURNAL, history.painted)
+    done = given.count_strokes(folder / JOURNAL, history.progress.painted)
     plan = kept.plan
-    _, expected = resuming.resume_open_loop(folder, kept, done, history.left_out, load_models_of(plan))
+    _, expected = resuming.resume_open_loop(folder, kept, done, history.progress.left_out, load_models_of(plan))
     return given.read(plan.canvas, plan.ground, expected)
 
 

@@ -358,9 +358,10 @@ class RunRecord:
 
 def _find_lead(painted: PaintingState) -> str:
     """Returns why no program paints a painting again: it was resumed, or a person led it; "" if neither is true."""
-    if painted.runs > 1:
+    if painted.sittings.count > 1:
         return "It was interrupted and resumed, so that its looks fell elsewhere than they would again."
-    led = painted.pause or painted.goals or painted.person or painted.region or painted.given_up
+    wishes = painted.wishes
+    led = wishes.pause or wishes.goals or painted.people.strokes or wishes.region or painted.progress.given_up
     return "A person led it, and no program does that again." if led else ""
 
 

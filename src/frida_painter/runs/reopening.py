@@ -64,16 +64,16 @@ class ReopenedPainting:
         """
         history, kept, sees = self.history, self.plan, session.hand.easel.has_camera
         if (bare := resuming.load_photograph(self.folder, resuming.BARE)) is not None:
-            session.observer.learn_good(bare, resuming.load_photograph(self.folder, history.last_photograph))
+            session.observer.learn_good(bare, resuming.load_photograph(self.folder, history.pictures.last))
         resuming.recall_brush(session.hand, history, controls.answer)
-        if (begun := history.person_in_doubt) is not None:
+        if (begun := history.people.in_doubt) is not None:
             session.person.finish(begun)
-        seen = history.person_seen  # the state goes on with the look
-        unseen = len(history.person) > seen  # of a person who painted in the pause that broke off
+        seen = history.people.seen  # the state goes on with the look
+        unseen = len(history.people.strokes) > seen  # of a person who painted in the pause that broke off
         before, now = self._find_canvas(session, controls, unseen=unseen)
-        if history.person:
-            session.person.remember(history.person, seen, history.person_released)
-        number, repaint = history.in_doubt, False
+        if history.people.strokes:
+            session.person.remember(history.people.strokes, seen, history.people.released)
+        number, repaint = history.progress.in_doubt, False
         if now is not None and kept is not None and number is not None:
             painted = session.planner.expected(kept.plan.part(slice(number - 1, number)), now)
             picture = doubt(kept.plan, number - 1, now, painted)
@@ -84,13 +84,13 @@ class ReopenedPainting:
             return None, resumed
         if number is not None and not sees:  # the answer may have changed what is on the canvas
             before, now = self._expect_canvas(kept, session)
-        elif any(stroke >= kept.planning.done for stroke in history.left_out) and sees:
+        elif any(stroke >= kept.planning.done for stroke in history.progress.left_out) and sees:
             before = None  # a stroke that was given up is there, in part or not at all: only this look tells
-        wet = history.wet(None if session.hand.easel.simulated else datetime.now(UTC))
-        canvas = before, now, wet, history.left_out
-        where = PaintingProgress.resume(kept.plan, history.painted, kept.planning.done, *canvas)
-        where.person, where.person_unseen, where.answers = len(history.person), unseen, kept.planning.answers
-        expected = session.planner.expected(kept.plan.part(slice(history.painted, None)), now)
+        wet = history.progress.wet(None if session.hand.easel.simulated else datetime.now(UTC))
+        canvas, done = (before, now, wet, history.progress.left_out), history.progress.painted
+        where = PaintingProgress.resume(kept.plan, done, kept.planning.done, *canvas)
+        where.person, where.person_unseen, where.answers = len(history.people.strokes), unseen, kept.planning.answers
+        expected = session.planner.expected(kept.plan.part(slice(done, None)), now)
         return where, replace(resumed, plan=kept.plan, expected=expected)
 
     def _find_canvas(
@@ -128,8 +128,8 @@ class ReopenedPainting:
 
     def _expect_canvas(self, kept: KeptPlan, session: PaintingSession) -> tuple[Tensor, Tensor]:
         """Returns the canvas that the plan was made for, and the canvas now, as the journal tells them."""
-        done, left_out = self.history.painted, self.history.left_out
-        return resuming.resume_open_loop(self.folder, kept, done, left_out, session.planner.models)
+        done = self.history.progress
+        return resuming.resume_open_loop(self.folder, kept, done.painted, done.left_out, session.planner.models)
 
 
 def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainting:
@@ -139,15 +139,15 @@ def reopen(folder: Path, *, accept_changes: bool, pace: float) -> ReopenedPainti
     """
     journal, history = Journal.reopen(folder)
     try:
-        spec = read_spec(folder) if not history.finished else RunSpec.of(**upgrade_record(history.settings))
+        spec = RunSpec.of(**upgrade_record(history.sittings.settings)) if history.end.finished else read_spec(folder)
         plan = resuming.load_kept_plan(folder, history)
         placement = None if plan is None else placement_of(plan.planning)
-        if not history.finished:
+        if not history.end.finished:
             rests_on = input_hashes(spec, folder)
             _require_unchanged(spec, folder, history, plan, rests_on, accept_changes=accept_changes)
-            if rests_on[CALIBRATION_RECORD] != history.rests_on.get(CALIBRATION_RECORD):
+            if rests_on[CALIBRATION_RECORD] != history.sittings.rests_on.get(CALIBRATION_RECORD):
                 placement = None
-        spec = spec.with_values(pace=pace, **read_goal(folder / history.goal))
+        spec = spec.with_values(pace=pace, **read_goal(folder / history.wishes.goal))
     except BaseException:
         journal.close()
         raise
@@ -164,10 +164,10 @@ def _require_unchanged(
     accept_changes: bool,
 ) -> None:
     """Raises ConfigError, with all changes, if there are changes that are not accepted or not possible."""
-    begun = RunSpec.of(**upgrade_record(history.settings)).record()
-    history.settings = begun
+    sittings = history.sittings
+    sittings.settings = begun = RunSpec.of(**upgrade_record(sittings.settings)).record()
     diary = missing(folder / SIMULATION_LOG, "the diary of a virtual studio") if spec.simulated else 0
-    rests_on = {name: found for name, found in rests_on.items() if name != CALIBRATION or name in history.rests_on}
+    rests_on = {name: found for name, found in rests_on.items() if name != CALIBRATION or name in sittings.rests_on}
     changes = resuming.changes(folder, history, spec.record(), rests_on, plan, diary)
     settled = [name for name in SETTLED if begun[name] != spec.record()[name]]
     if not changes or (accept_changes and not settled):

@@ -173,7 +173,7 @@ class PaintingRun:
         self.controls = controls or Controls()
         self._state = None if state is None else Path(state)
         self._record_may_differ = record_may_differ
-        self._journal = Journal.nowhere() if _reopened is None else _reopened.journal
+        self._journal = Journal(None) if _reopened is None else _reopened.journal
         self.keepers: list[Callable[[events.Event], events.Event]] = []
         self._encoders = encoders
         self._stack = ExitStack()
@@ -271,9 +271,8 @@ class PaintingRun:
     def remarks(self) -> list[str]:
         """Sentences for the person about a lost part of a picture, a chosen ground, no camera, and a journal."""
         chosen = "" if self._settled is None else self._settled[2]
-        newer = "" if self.history is None else self.history.unknown_sentence
-        told = (self._fitted.remark, chosen, "" if self.spec.has_camera else NOBODY_LOOKS, newer)
-        return [remark for remark in told if remark]
+        told = (self._fitted.remark, chosen, "" if self.spec.has_camera else NOBODY_LOOKS)
+        return [remark for remark in (*told, self.painting.sittings.unknown_sentence) if remark]
 
     @property
     def easel(self) -> Easel:
@@ -408,7 +407,7 @@ class PaintingRun:
             raise ConfigError("This painting was not begun yet; give its folder to PaintingRun.reopen to resume it.")
         storage.clear_leftovers(self.folder, self.folder / SKETCHBOOK, self.folder / PHOTOGRAPHS)
         self._take_up_record()
-        if self.painting.finished:
+        if self.painting.end.finished:
             return self._conclude(self._make_results(self._reopened.plan))
         if self._easel is None:
             self.open_easel()
@@ -422,9 +421,9 @@ class PaintingRun:
     def show_picture(self, canvas: AnyPicture) -> RunOutcome:
         """Makes the results of a finished painting again, with a person's picture of its canvas."""
         canvas = images.as_picture(canvas)
-        assert self._reopened is not None and self.painting.finished
+        assert self._reopened is not None and self.painting.end.finished
         self._take_up_record()
-        self._journal.record_canvas(canvas, self.painting.painted, seen=True)
+        self._journal.record_canvas(canvas, self.painting.progress.painted, seen=True)
         images.save(canvas, self.folder / "painting.png")
         return self._make_results(self._reopened.plan)
 
@@ -441,12 +440,12 @@ class PaintingRun:
             raise StorageError(f"{self.folder} holds no plan, and without it there is nothing to tell; bring it back.")
         state, seen_by = self.painting, (self.spec.canvas, self.folder / CALIBRATION)
         canvas = resuming.last_canvas(self.folder, state, *seen_by)
-        begun = next((planning.photograph for planning in state.plannings if planning.done == 0), None)
+        begun = next((planning.photograph for planning in state.planning.adopted if planning.done == 0), None)
         before = resuming.load_canvas(self.folder, begun, state, *seen_by)
         with self._recorder() as recorder:
             expected = self.planner.expected(kept.plan, before)
-            recorder.hear(events.SessionResumed(state.painted, plan=kept.plan, expected=expected))
-            painting = Painting(canvas, state.painted, None, state.robot_seconds)
+            recorder.hear(events.SessionResumed(state.progress.painted, plan=kept.plan, expected=expected))
+            painting = Painting(canvas, state.progress.painted, None, state.end.robot_seconds)
             if self._run_record is not None:
                 self._results = {"painting": hash_picture(canvas), **self._run_record.results}
             return RunOutcome(self.folder, painting, recorder.finish(painting), similarity=recorder.similarity)

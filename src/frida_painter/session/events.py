@@ -2,17 +2,8 @@
 
 An event is named after its class and has a JSON form (`record`, `events_of`), in which it stands in the journal of a
 painting or in the feed of a job. Fields that carry plans and pixels are live: only listeners in the painting process
-have them, and pictures are named by their files. `PaintingState` (fold.py) folds the events of a painting.
-
-    >>> import frida_painter as fp
-    >>> def hear(event):
-    ...     if isinstance(event, fp.events.StrokePainted):
-    ...         print(event.done)
-    >>> spec = fp.RunSpec.of(goal=[{"image": "photo.jpg"}], canvas="12x9cm", strokes=2, replans=0, render_height=64)
-    >>> with fp.PaintingRun(spec, listeners=[hear]) as run:
-    ...     painting = run.simulate()
-    1
-    2
+have them, and pictures are named by their files. `PaintingState` (fold.py) folds the events of a painting;
+examples/watch_painting.py hears them.
 """
 
 from __future__ import annotations
@@ -139,9 +130,9 @@ class Stopped(Event):
 
 
 class PaintingBegun(Durable):
-    """A painting began with these settings.
+    """A painting began with these settings, as plain values.
 
-    rests_on: hashes, by name, of the other inputs of the painting.
+    rests_on: hashes, by name, of the other inputs of the painting: goal, calibration and brush.
     by, process, program: painter, process number and program version.
     """
 
@@ -588,4 +579,4 @@ def _reader(kind: str) -> tuple[Callable[[dict[str, Any]], Event], frozenset[str
 
 @functools.cache
 def _live_fields(kind: str) -> frozenset[str]:
-    return frozenset(each.name for each in fields(KINDS[kind]) if each.metadata.get("live"))
+    return frozenset(each.name for each in fields(KINDS[kind]) if each.metadata)

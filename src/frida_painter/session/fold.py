@@ -28,36 +28,234 @@ Doing = Literal[
     "preparing", "mixing", "painting", "drying", "planning", "paused", "finishing", "finished", "stopped", "failed"
 ]
 ENDS: tuple[Doing, ...] = ("finished", "stopped", "failed")
-_SITTINGS = frozenset({events.PaintingBegun, events.SessionResumed})
-_DOING: dict[type[Event], Doing] = {
-    events.SessionResumed: "preparing",
-    events.Dipped: "painting",
-    events.StrokePainted: "painting",
-    events.StrokeLeftOut: "painting",
-    events.Looked: "planning",
-    events.PlanningStep: "planning",
-    events.Planned: "painting",
-    events.Paused: "paused",
-    events.WentOn: "painting",
-}
+KEPT = {"kept": True}
+"""Metadata of fields that resuming and results need, and that no page shows."""
+
+
+@dataclass
+class Sittings:
+    """Sittings of a painting, and what its journal tells of itself.
+
+    version: number of events.
+    count, seconds, last: number of sittings, time spent in them, and time of the last event.
+    settings, rests_on: settings, and hashes of all other inputs.
+    missing: number of records lost at the journal's end. unknown: number of entries of a newer program.
+    """
+
+    version: int = 0
+    count: int = 0
+    seconds: float = 0.0
+    last: datetime | None = None
+    settings: dict[str, Any] = field(default_factory=dict)
+    rests_on: dict[str, str] = field(default_factory=dict)
+    missing: int = 0
+    unknown: int = 0
+
+    @property
+    def unknown_sentence(self) -> str:
+        """Sentence for a person about entries of a newer program; "" if there are none."""
+        places = count_of(self.unknown, "place")
+        return f"What a newer program wrote in {places} of this journal was skipped." if self.unknown else ""
+
+
+@dataclass
+class StrokeProgress:
+    """Progress of the strokes.
+
+    doing: what is done, or how it ended.
+    painted, of: number of the last stroke that is done, and of all.
+    in_doubt: stroke that was begun and not ended, None if there is none.
+    given_up: strokes before `painted` that are not on the canvas, because a person left them out or gave them up.
+    drying, dried_at: last event of drying, and when it was written.
+    pace: seconds that people wait per second of drying.
+    """
+
+    doing: Doing = "preparing"
+    painted: int = 0
+    of: int = 0
+    in_doubt: int | None = None
+    given_up: list[int] = field(default_factory=list)
+    drying: events.Drying | None = None
+    dried_at: datetime | None = field(default=None, metadata=KEPT)
+    pace: float = 1.0
+
+    @property
+    def left_out(self) -> frozenset[int]:
+        """Indices in the plan, from 0, of the strokes that were given up."""
+        return frozenset(number - 1 for number in self.given_up)
+
+    def wet(self, now: datetime | None = None) -> float | None:
+        """Returns the seconds that the last layer still dries; None if drying did not begin.
+
+        now: current time. None: nothing has dried since the painting broke off, as in a simulated studio.
+        """
+        if self.drying is None or self.drying.done != self.painted:
+            return None
+        since = self.dried_at
+        passed = 0.0 if now is None or since is None else max(0.0, (now - since).total_seconds())
+        return max(0.0, self.drying.left - passed)
+
+
+@dataclass
+class BrushState:
+    """Brush and paints of the robot.
+
+    held: brush in the hand of a robot with a rack, as in BrushInHand.
+    name: of the brush that paints.
+    first_paint, paint: paint in the first well, and paint on the brush, from 0.
+    since_dip: strokes since the last dip.
+    dips, cleanings: numbers of dips into each paint, and of cleanings between paints.
+    touch: latest correction of each brush's height, in words.
+    """
+
+    held: str | None = ""
+    name: str = ""
+    first_paint: int = 0
+    paint: int | None = None
+    since_dip: int = 0
+    dips: dict[int, int] = field(default_factory=dict)
+    cleanings: int = 0
+    touch: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class PlanningState:
+    """Plans of the painting, and its remaining time.
+
+    adopted: plans that were followed, in order.
+    phases, forecasts: loss curves of all plans by their names, and forecasts of the similarity (expected, least and
+    most dB), each after a number of strokes.
+    replanned: the last plan of the rest that has pictures.
+    growing: newest picture of the plan that is being made.
+    expected_seconds: robot time of the whole painting, as first expected.
+    time, curve: remaining time, and loss curve of the plan that is being made.
+    """
+
+    adopted: list[events.PlanAdopted] = field(default_factory=list, metadata=KEPT)
+    phases: list[tuple[str, list[tuple[int, float]]]] = field(default_factory=list, metadata=KEPT)
+    forecasts: list[tuple[int, tuple[float, float, float]]] = field(default_factory=list, metadata=KEPT)
+    replanned: events.Planned | None = None
+    growing: str | None = None
+    expected_seconds: float | None = None
+    time: RemainingTime = field(default_factory=RemainingTime, metadata=KEPT)
+    curve: list[tuple[int, float]] = field(default_factory=list, metadata=KEPT)
 
 
 @dataclass(frozen=True)
 class LookState:
-    """Look at the canvas.
+    """Look at the canvas after `done` strokes.
 
-    told: the look, with the files of its pictures.
+    pictures: as in Looked.
     why: "region", "only", "freed", "goal" or "asked" if a person's command led to it, else "".
-    planned: plan of the rest that followed; None if the old one was kept.
+    planned: plan of the rest that followed, without its pictures; None if the old one was kept.
     touch: sentences about brushes that are sent lower or higher since.
     found: picture that outlines what a person painted.
     """
 
-    told: events.Looked
+    done: int
+    pictures: dict[str, str]
     why: str = ""
     planned: events.Planned | None = None
     touch: tuple[str, ...] = ()
     found: str = ""
+
+
+@dataclass
+class Pictures:
+    """Pictures of the canvas.
+
+    photograph: the newest one that people see.
+    looks: in order.
+    light: light of the room at the last look, None before the first one.
+    count, files: number of photographs for a decision, and the sha256 of all their files.
+    last: file of the last one, None if there is none.
+    assumed: file of the last picture of a canvas that nobody looks at; None after a person's picture of it.
+    pictured: number of strokes in the last picture that a person took.
+    """
+
+    photograph: str | None = None
+    looks: list[LookState] = field(default_factory=list)
+    light: list[list[float]] | None = field(default=None, metadata=KEPT)
+    count: int = 0
+    files: dict[str, str | None] = field(default_factory=dict, metadata=KEPT)
+    last: str | None = None
+    assumed: str | None = None
+    pictured: int = 0
+
+    def add_to_look(self, **facts: Any) -> None:
+        """Adds facts to the last look, if there is one."""
+        if self.looks:
+            self.looks[-1] = replace(self.looks[-1], **facts)
+
+
+@dataclass
+class Wishes:
+    """Wishes of people, in force or open.
+
+    goals: changes of the goal, in order.
+    request: what a person asked for in a pause and was not done; empty if nothing is owed.
+    proposed: pictures that were made in the last pause, from which nobody has chosen; None if there are none.
+    region: event of the protected region, None if nothing is protected.
+    turns: turns that were agreed on.
+    pause: the last pause. paused: True in a pause, also while a command is performed there.
+    why: reason of the next look, as in LookState.
+    """
+
+    goals: list[events.NewGoal] = field(default_factory=list)
+    request: dict[str, Any] = field(default_factory=dict)
+    proposed: events.MadePictures | None = None
+    region: events.DrawnRegion | None = None
+    turns: events.Turns = field(default_factory=lambda: events.Turns(0))
+    pause: events.Paused | None = None
+    paused: bool = False
+    why: str = ""
+
+    @property
+    def goal(self) -> str:
+        """Folder of the changed goal, "" before a change."""
+        return self.goals[-1].folder if self.goals else ""
+
+
+@dataclass
+class People:
+    """People: their open question, the last remark to them, and their strokes.
+
+    question: open question, in the form of together.asking; None if there is none.
+    remark: reason why a command could not be done as asked.
+    may_paint: brushes and wells for a person who paints through this program; None if nobody can.
+    strokes: strokes of a person, in order; of the last one, the end may be unknown.
+    painted, seen, released: numbers of the person's last stroke that is certainly on the canvas, at the last look, and
+    when they last ended a protection.
+    """
+
+    question: dict[str, Any] | None = None
+    remark: str = ""
+    may_paint: events.PersonMayPaint | None = None
+    strokes: list[events.StrokeOfPerson] = field(default_factory=list, metadata=KEPT)
+    painted: int = 0
+    seen: int = 0
+    released: int = 0
+
+    @property
+    def in_doubt(self) -> events.StrokeOfPerson | None:
+        """The person's stroke that was begun and not ended; None if there is none."""
+        return self.strokes[-1] if len(self.strokes) > self.painted else None
+
+
+@dataclass
+class End:
+    """End of a painting, or of its last sitting.
+
+    finished: True if the painting is complete. robot_seconds: robot time of a finished painting.
+    stopped: True if a person stopped the last sitting. trouble: sentence about the last error.
+    results: names of the results that there are; None before they are kept.
+    """
+
+    finished: bool = False
+    robot_seconds: float = 0.0
+    stopped: bool = False
+    trouble: str = ""
+    results: tuple[str, ...] | None = None
 
 
 def require_journal(folder: Path) -> None:
@@ -85,153 +283,21 @@ def _require_beginning(first: dict[str, Any], folder: Path) -> None:
 
 @dataclass
 class PaintingState:
-    """State of a painting.
+    """State of a painting. `tools/page/state.d.ts` names what the page reads of it."""
 
-    version: number of events.
-    doing: what is done, or how it ended.
-    runs: sittings. seconds: time spent in them. last: time of the last event.
-    stopped: True if a person stopped the last sitting. trouble: sentence about the last error.
-
-    settings, rests_on: settings, and hashes of all other inputs.
-    plannings: adopted plans, in order.
-    painted, of: number of the last stroke that is done, and of all.
-    in_doubt: stroke that was begun and not ended, None if there is none.
-    given_up: strokes before `painted` that are not on the canvas, because a person left them out or gave them up.
-
-    drying: last event of drying, and when it was written.
-    pace: seconds that people wait per second of drying.
-    light: light of the room at the last look, None before the first one.
-    held: brush in the hand of a robot with a rack, as in BrushInHand.
-
-    photographed: number of photographs for a decision.
-    last_photograph: its file, None if there is none.
-    assumed: file of the last picture of a canvas that nobody looks at; None after a person's picture of it.
-    pictured: number of strokes in the last picture that a person took.
-    photographs: sha256 of all files of photographs.
-    dips, cleanings: numbers of dips into each paint, and of cleanings between paints.
-    finished: True if the painting is complete. robot_seconds: robot time of a finished painting.
-    missing: number of records lost at the journal's end. unknown: number of entries of a newer program.
-
-    goals: changes of the goal, in order.
-    request: what a person asked for in a pause and was not done; empty if nothing is owed.
-    proposed: pictures that were made in the last pause, from which nobody has chosen; None if there are none.
-    region: event of the protected region, None if nothing is protected.
-    turns: turns that were agreed on.
-
-    person: strokes of a person, in order; of the last one, the end may be unknown.
-    person_painted, person_seen, person_released: numbers of the person's last stroke that is certainly on the canvas,
-    at the last look, and when they last ended a protection.
-    may_paint: brushes and wells for a person who paints through this program; None if nobody can.
-    question: open question, in the form of together.asking; None if there is none.
-    pause: the last pause. paused: True in a pause, also while a command is performed there.
-    remark: reason why a command could not be done as asked.
-
-    looks, phases, forecasts: looks, loss curves of all plans by their names, and forecasts of the similarity (expected,
-    least and most dB), each after a number of strokes.
-    replanned: the last plan of the rest that has pictures.
-    expected_seconds: robot time of the whole painting, as first expected.
-    touch: latest correction of each brush's height, in words.
-
-    photograph, growing: newest pictures of the canvas and of the plan that is being made.
-    brush, first_paint, paint: brush in the hand, paint in the first well, and paint on the brush, from 0.
-    since_dip: strokes since the last dip.
-    results: names of the results that there are; None before they are kept.
-    time: remaining time.
-    """
-
-    version: int = 0
-    doing: Doing = "preparing"
-    runs: int = 0
-    seconds: float = 0.0
-    last: datetime | None = None
-    stopped: bool = False
-    trouble: str = ""
-
-    settings: dict[str, Any] = field(default_factory=dict)
-    rests_on: dict[str, str] = field(default_factory=dict)
-    plannings: list[events.PlanAdopted] = field(default_factory=list)
-    painted: int = 0
-    of: int = 0
-    in_doubt: int | None = None
-    given_up: list[int] = field(default_factory=list)
-    drying: tuple[events.Drying, datetime | None] | None = None
-    pace: float = 1.0
-    light: list[list[float]] | None = None
-    held: str | None = ""
-    photographed: int = 0
-    last_photograph: str | None = None
-    assumed: str | None = None
-    pictured: int = 0
-    photographs: dict[str, str | None] = field(default_factory=dict)
-    dips: dict[int, int] = field(default_factory=dict)
-    cleanings: int = 0
-    finished: bool = False
-    robot_seconds: float = 0.0
-    missing: int = 0
-    unknown: int = 0
-
-    goals: list[events.NewGoal] = field(default_factory=list)
-    request: dict[str, Any] = field(default_factory=dict)
-    proposed: events.MadePictures | None = None
-    region: events.DrawnRegion | None = None
-    turns: events.Turns = field(default_factory=lambda: events.Turns(0))
-    person: list[events.StrokeOfPerson] = field(default_factory=list)
-    person_painted: int = 0
-    person_seen: int = 0
-    person_released: int = 0
-    may_paint: events.PersonMayPaint | None = None
-    question: dict[str, Any] | None = None
-    pause: events.Paused | None = None
-    paused: bool = False
-    remark: str = ""
-
-    looks: list[LookState] = field(default_factory=list)
-    phases: list[tuple[str, list[tuple[int, float]]]] = field(default_factory=list)
-    forecasts: list[tuple[int, tuple[float, float, float]]] = field(default_factory=list)
-    replanned: events.Planned | None = None
-    expected_seconds: float | None = None
-    touch: dict[str, str] = field(default_factory=dict)
-    photograph: str | None = None
-    growing: str | None = None
-    brush: str = ""
-    first_paint: int = 0
-    paint: int | None = None
-    since_dip: int = 0
-    results: tuple[str, ...] | None = None
-    time: RemainingTime = field(default_factory=RemainingTime)
-    _curve: list[tuple[int, float]] = field(default_factory=list)
-    _why: str = ""  # reason of the next look
-
-    @property
-    def left_out(self) -> frozenset[int]:
-        """Indices in the plan, from 0, of the strokes that were given up."""
-        return frozenset(number - 1 for number in self.given_up)
-
-    @property
-    def unknown_sentence(self) -> str:
-        """Sentence for a person about entries of a newer program; "" if there are none."""
-        places = count_of(self.unknown, "place")
-        return f"What a newer program wrote in {places} of this journal was skipped." if self.unknown else ""
-
-    @property
-    def goal(self) -> str:
-        """Folder of the changed goal, "" before a change."""
-        return self.goals[-1].folder if self.goals else ""
-
-    @property
-    def person_in_doubt(self) -> events.StrokeOfPerson | None:
-        """The person's stroke that was begun and not ended; None if there is none."""
-        return self.person[-1] if len(self.person) > self.person_painted else None
+    sittings: Sittings = field(default_factory=Sittings, metadata=KEPT)
+    progress: StrokeProgress = field(default_factory=StrokeProgress)
+    brush: BrushState = field(default_factory=BrushState)
+    planning: PlanningState = field(default_factory=PlanningState)
+    pictures: Pictures = field(default_factory=Pictures)
+    wishes: Wishes = field(default_factory=Wishes)
+    people: People = field(default_factory=People)
+    end: End = field(default_factory=End)
 
     @property
     def is_pictured(self) -> bool:
         """True if a person's picture, taken without a camera, shows the finished canvas."""
-        return self.finished and 0 < self.pictured == self.painted
-
-    @property
-    def is_making(self) -> str | None:
-        """Words of the pictures that are being made, which begin from the canvas; None if none are."""
-        return str(self.request.get("words", "")) if self.request.get("kind") == "propose" else None
+        return self.end.finished and 0 < self.pictures.pictured == self.progress.painted
 
     @classmethod
     def of_journal(cls, records: Iterable[dict[str, Any]], folder: Path) -> Self:
@@ -247,188 +313,167 @@ class PaintingState:
         """
         with storage.understanding(folder / JOURNAL, "the journal of a painting"):
             for written in records:
-                if not self.version:
+                if not self.sittings.version:
                     _require_beginning(written, folder)
                 at = time_of(written)
                 for event in events_of(written):
                     self.hear(event, at)
                     yield event
-        if not self.version:
+        if not self.sittings.version:
             _require_beginning({}, folder)
 
     def hear(self, event: Event, at: datetime | None = None) -> None:
         """Updates the state by an event that was written at that time."""
-        self.version += 1
-        kind = type(event)
-        if kind is events.Unknown:
-            self.unknown += 1
+        sittings = self.sittings
+        sittings.version += 1
+        if isinstance(event, events.Unknown):
+            sittings.unknown += 1
             return
-        sitting = kind in _SITTINGS
         if at is not None:
             # A sitting that goes on looks before it is noted, and its work is told before that.
-            begins = sitting or (isinstance(event, events.Scheduled) and event.seconds is None)
-            if not (begins or self.finished or self.last is None):
-                self.seconds += measure_step(self.last.timestamp(), at.timestamp())
-            self.last = at
-        self.runs += sitting
-        if self.doing not in ENDS or kind is events.SessionResumed:
-            self.doing = _DOING.get(kind, self.doing)
-        self.time.hear(event, 0.0 if self.last is None else self.last.timestamp())
-        if not (self._hear_strokes(event, at) or self._hear_plans_and_looks(event) or self._hear_person(event)):
-            self._hear_sitting(event)
+            begins = isinstance(event, events.PaintingBegun | events.SessionResumed)
+            first = isinstance(event, events.Scheduled) and event.seconds is None
+            if not (begins or first or self.end.finished or sittings.last is None):
+                sittings.seconds += measure_step(sittings.last.timestamp(), at.timestamp())
+            sittings.last = at
+        self.progress.doing = self._find_doing(event)
+        self.planning.time.hear(event, 0.0 if sittings.last is None else sittings.last.timestamp())
+        self._hear(event, at)
 
-    def _hear_sitting(self, event: Event) -> None:
+    def _find_doing(self, event: Event) -> Doing:
+        """Returns what is done from this event on."""
+        doing, paused = self.progress.doing, self.wishes.paused
+        match event:
+            case events.SessionResumed():
+                return "preparing"
+            case events.Began("results"):
+                return "finishing"
+            case events.ResultFound("results"):
+                return "failed" if self.end.trouble else "stopped" if self.end.stopped else "finished"
+            case _ if doing in ENDS:
+                return doing
+            case events.Stopped():
+                return event.how
+            case events.PaintsWanted(ground=False):
+                return "mixing"
+            case events.Drying() if self.progress.pace:
+                return "drying"
+            case events.MotionBegan(stroke=int()) if doing == "paused":  # at the terminal nobody tells its end
+                return "painting"
+            case events.CommandTaken(command):
+                return "planning" if command else "paused" if paused else doing
+            case events.CommandDone(events.MadePictures()) if paused:
+                return "paused"
+            case events.Paused():
+                return "paused"
+            case events.Looked() | events.PlanningStep():
+                return "planning"
+            case events.Planned() | events.WentOn() | events.Dipped() | events.StrokePainted() | events.StrokeLeftOut():
+                return "painting"
+        return doing
+
+    def _hear(self, event: Event, at: datetime | None) -> None:
+        """Updates the records by an event."""
+        progress, brush, planning, pictures = self.progress, self.brush, self.planning, self.pictures
+        wishes, people, end = self.wishes, self.people, self.end
         match event:
             case events.PaintingBegun(settings, rests_on):
-                self.settings, self.rests_on = settings, rests_on
+                self.sittings.count += 1
+                self.sittings.settings, self.sittings.rests_on = settings, rests_on
             case events.SessionResumed(decision=decision):
-                self.decide(repaint=decision == "repaint")
-                self.trouble, self.stopped, self.paused, self.results, self.question = "", False, False, None, None
-                self._curve, self.growing = [], None
-            case events.Stopped(reason):
-                self.stopped, self.trouble = self.stopped or not reason, reason or self.trouble
-                self.doing = self.doing if self.doing in ENDS else event.how
-            case events.Began("results"):
-                self.doing = "finishing"
-            case events.Finished(robot_seconds=robot_seconds):
-                self.finished, self.robot_seconds = True, robot_seconds
-            case events.ResultFound("results", detail=there):
-                self.results = tuple(name for name, is_there in there.items() if is_there)
-                self.doing = "failed" if self.trouble else "stopped" if self.stopped else "finished"
-
-    def _hear_strokes(self, event: Event, at: datetime | None) -> bool:
-        """Returns True if it is such an event, as the next two do."""
-        match event:
-            case events.MotionBegan(stroke=None):
-                pass
-            case events.PaintsWanted(ground=False) if self.doing not in ENDS:
-                self.doing = "mixing"
-            case events.MotionBegan(stroke=int(stroke)):
-                self.in_doubt, self.proposed, self.paused = stroke, None, False
-                self.doing = "painting" if self.doing == "paused" else self.doing  # at the terminal nobody tells it
-            case events.StrokePainted(done, of) | events.StrokeLeftOut(done, of):
-                self.painted, self.of, self.in_doubt = done, of or self.of, None
-                self.since_dip += isinstance(event, events.StrokePainted)
-                self.given_up += [done] if isinstance(event, events.StrokeLeftOut) else []
-            case events.Dipped(well, cleaned):
-                self.paint, self.since_dip = self.first_paint + well, 0
-                self.dips = {**self.dips, self.paint: self.dips.get(self.paint, 0) + 1}  # a page may show the old one
-                self.cleanings += cleaned
-            case events.Drying():
-                self.drying = event, at
-                if self.pace and self.doing not in ENDS:
-                    self.doing = "drying"
-            case events.LayerBegun(brush=brush, first_paint=first):
-                self.brush, self.first_paint, self.paint = brush, first, None
-            case events.BrushInHand(brush):
-                self.held, self.brush = brush, brush or ""
-            case _:
-                return False
-        return True
-
-    def _hear_plans_and_looks(self, event: Event) -> bool:
-        match event:
-            case events.PlanAdopted():
-                self.plannings.append(event)
-            case events.PlanningStep(iteration=iteration, loss=loss, picture=picture):
-                self._curve.append((iteration, loss))
-                self.growing = picture or self.growing
-            case events.Planned():
-                self._hear_planned(event)
+                self.sittings.count += 1
+                if progress.in_doubt is not None and decision != "repaint":
+                    progress.painted = progress.in_doubt
+                    progress.given_up.append(progress.in_doubt)
+                progress.in_doubt, planning.curve, planning.growing = None, [], None
+                end.trouble, end.stopped, end.results = "", False, None
+                wishes.paused, people.question = False, None
+            # Plans and looks.
             case events.Scheduled(done, strokes, seconds=seconds, pace=pace):
-                self.of, self.pace = strokes or self.of, pace
-                if done == 0 or self.expected_seconds is None:
-                    self.expected_seconds = seconds
-            case events.TimelapseFrame(picture=str(picture)):
-                self.photograph = picture
-            case events.Looked(pictures=pictures):
-                self.looks.append(LookState(event, self._why))
-                self._why, self.growing, self.remark = "", None, ""
-                self.photograph = pictures.get("seen", self.photograph)
-            case events.Remark(sentence, "touch" | "last look", brush):
-                self.touch |= {brush: sentence} if brush else {}
-                self._add_to_look(touch=(*self.looks[-1].touch, sentence) if self.looks else ())
+                progress.of, progress.pace = strokes or progress.of, pace
+                if done == 0 or planning.expected_seconds is None:
+                    planning.expected_seconds = seconds
+            case events.PlanAdopted():
+                planning.adopted.append(event)
+            case events.PlanningStep(iteration=iteration, loss=loss, picture=picture):
+                planning.curve.append((iteration, loss))
+                planning.growing = picture or planning.growing
+            case events.Planned(done, strokes):
+                name = f"after {done} strokes" if done else f"plan for {strokes} strokes"
+                planning.phases.append((name, planning.curve))
+                planning.forecasts += [] if event.similarity is None else [(done, event.similarity)]
+                planning.curve, planning.growing, people.remark = [], None, ""
+                planning.replanned = event if event.shown else planning.replanned
+                if pictures.looks and pictures.looks[-1].done == done and pictures.looks[-1].planned is None:
+                    pictures.add_to_look(planned=replace(event, shown={}))
+            case events.Looked(done, found):
+                pictures.looks.append(LookState(done, found, wishes.why))
+                pictures.photograph = found.get("seen", pictures.photograph)
+                planning.growing, people.remark, wishes.why = None, "", ""
+            case events.Remark(sentence, "touch" | "last look", name):
+                brush.touch |= {name: sentence} if name else {}
+                pictures.add_to_look(touch=(*pictures.looks[-1].touch, sentence) if pictures.looks else ())
             case events.ResultFound("found", picture):
-                self._add_to_look(found=picture)
+                pictures.add_to_look(found=picture)
+            case events.TimelapseFrame(picture=str(picture)):
+                pictures.photograph = picture
             case events.CanvasPicture(picture, by="renderer"):
-                self.assumed = picture
+                pictures.assumed = picture
             case events.CanvasPicture(picture, done, by, content, light):
                 if by == "person":
-                    self.pictured, self.assumed, self.last_photograph = done, None, None
+                    pictures.pictured, pictures.assumed, pictures.last = done, None, None
                 else:
-                    self.light, self.person_seen = light, self.person_painted
-                self.photographed += 1
+                    pictures.light, people.seen = light, people.painted
+                pictures.count += 1
                 if picture is not None:
-                    self.last_photograph, self.photographs[picture] = picture, content
-            case _:
-                return False
-        return True
-
-    def _hear_planned(self, planned: events.Planned) -> None:
-        done = planned.done
-        self.phases.append((f"after {done} strokes" if done else f"plan for {planned.strokes} strokes", self._curve))
-        self._curve, self.growing, self.remark = [], None, ""
-        if planned.similarity is not None:
-            self.forecasts.append((done, planned.similarity))
-        if planned.shown:
-            self.replanned = planned
-        if self.looks and self.looks[-1].told.done == done and self.looks[-1].planned is None:
-            self._add_to_look(planned=planned)
-
-    def _add_to_look(self, **facts: Any) -> None:
-        if self.looks:
-            self.looks[-1] = replace(self.looks[-1], **facts)
-
-    def _hear_person(self, event: Event) -> bool:
-        match event:
-            case events.Paused():
-                self.pause, self.paused, self._why = event, True, ""
-            case events.WentOn():
-                self.paused, self.proposed, self.remark = False, None, ""
-            case events.Remark(sentence, ""):
-                self.remark = sentence
-            case events.CommandTaken(command):
-                self.request = command
-                if command:
-                    self._why = "asked"
-                if self.doing not in ENDS:
-                    self.doing = "planning" if command else "paused" if self.paused else self.doing
-            case events.CommandDone(events.Turns() as turns):
-                self.turns = turns
-            case events.CommandDone(events.DrawnRegion(drawing, only) as region):
-                self.region = None if drawing is None else region
-                self._why = "freed" if drawing is None else "only" if only else "region"
-                self.person_released = self.person_painted if drawing is None else self.person_released
-            case events.CommandDone(events.NewGoal() as goal):
-                self.goals, self.proposed, self._why = [*self.goals, goal], None, "goal"
-            case events.CommandDone(events.MadePictures() as made):
-                self.request, self.proposed = {}, made
-                self.doing = "paused" if self.paused and self.doing not in ENDS else self.doing
+                    pictures.last, pictures.files[picture] = picture, content
+            # The robot's strokes.
+            case events.MotionBegan(stroke=int(stroke)):
+                progress.in_doubt, wishes.paused, wishes.proposed = stroke, False, None
+            case events.StrokePainted(done, of) | events.StrokeLeftOut(done, of):
+                progress.painted, progress.of, progress.in_doubt = done, of or progress.of, None
+                brush.since_dip += isinstance(event, events.StrokePainted)
+                progress.given_up += [done] if isinstance(event, events.StrokeLeftOut) else []
+            case events.Drying():
+                progress.drying, progress.dried_at = event, at
+            case events.Dipped(well, cleaned):
+                brush.paint, brush.since_dip = brush.first_paint + well, 0
+                brush.dips[brush.paint] = brush.dips.get(brush.paint, 0) + 1
+                brush.cleanings += cleaned
+            case events.LayerBegun(brush=name, first_paint=first):
+                brush.name, brush.first_paint, brush.paint = name, first, None
+            case events.BrushInHand(held):
+                brush.held, brush.name = held, held or ""
+            # People: questions, wishes, strokes.
             case events.Asked(question):
-                self.question = question
+                people.question = question
+            case events.Remark(sentence):
+                people.remark = sentence
+            case events.Paused():
+                wishes.pause, wishes.paused, wishes.why = event, True, ""
+            case events.WentOn():
+                wishes.paused, wishes.proposed, people.remark = False, None, ""
+            case events.CommandTaken(command):
+                wishes.request, wishes.why = command, "asked" if command else wishes.why
+            case events.CommandDone(events.Turns() as turns):
+                wishes.turns = turns
+            case events.CommandDone(events.DrawnRegion(None)):
+                wishes.region, wishes.why, people.released = None, "freed", people.painted
+            case events.CommandDone(events.DrawnRegion() as region):
+                wishes.region, wishes.why = region, "only" if region.only else "region"
+            case events.CommandDone(events.NewGoal() as goal):
+                wishes.goals, wishes.proposed, wishes.why = [*wishes.goals, goal], None, "goal"
+            case events.CommandDone(events.MadePictures() as made):
+                wishes.request, wishes.proposed = {}, made
             case events.PersonMayPaint():
-                self.may_paint = event
+                people.may_paint = event
             case events.StrokeOfPerson(number, painted=painted):
-                self.person = [*self.person[: number - 1], event]
-                self.person_painted, self.remark = (number, "") if painted else (self.person_painted, self.remark)
-            case _:
-                return False
-        return True
-
-    def wet(self, now: datetime | None = None) -> float | None:
-        """Returns the seconds that the last layer still dries; None if drying did not begin.
-
-        now: current time. None: nothing has dried since the painting broke off, as in a simulated studio.
-        """
-        if self.drying is None or self.drying[0].done != self.painted:
-            return None
-        drying, noted = self.drying
-        passed = 0.0 if now is None or noted is None else max(0.0, (now - noted).total_seconds())
-        return max(0.0, drying.left - passed)
-
-    def decide(self, *, repaint: bool) -> None:
-        """Decides about the stroke in doubt, if there is one: it is painted again, or given up."""
-        if self.in_doubt is not None and not repaint:
-            self.painted = self.in_doubt
-            self.given_up.append(self.in_doubt)
-        self.in_doubt = None
+                people.strokes = [*people.strokes[: number - 1], event]
+                people.painted, people.remark = (number, "") if painted else (people.painted, people.remark)
+            # The end.
+            case events.Stopped(reason):
+                end.stopped, end.trouble = end.stopped or not reason, reason or end.trouble
+            case events.Finished(robot_seconds=robot_seconds):
+                end.finished, end.robot_seconds = True, robot_seconds
+            case events.ResultFound("results", detail=there):
+                end.results = tuple(name for name, is_there in there.items() if is_there)

@@ -306,7 +306,9 @@ class ByHand(PersonAsOperator):
         """Asks the person for a stroke and for the brush work before it; reports it as done or left out."""
         if len(waypoints.position) == 1:  # travel through the air needs no request
             return self._robot.follow(waypoints)
-        self._pass(waypoints)
+        # This motion and the ones before it are over.
+        later = [index + 1 for index, motion in enumerate(self._coming) if motion is waypoints]
+        self._coming = self._coming[later[0] :] if later else ()
         self._aside = left_out = False
         well = self._well(waypoints)
         if self._is_done(waypoints):
@@ -335,11 +337,6 @@ class ByHand(PersonAsOperator):
 
     def _asking_for(self, paints: str) -> str:
         return f"Mix these paints, and put them out by their numbers: {paints}. Are all of them there?"
-
-    def _pass(self, waypoints: Waypoints) -> None:
-        """Removes this motion and the ones before it from the motions that follow."""
-        later = [index + 1 for index, motion in enumerate(self._coming) if motion is waypoints]
-        self._coming = self._coming[later[0] :] if later else ()
 
     def _is_done(self, waypoints: Waypoints) -> bool:
         """Returns True if a stroke is painted already, or if a dip belongs to a painted stroke."""

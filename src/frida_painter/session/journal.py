@@ -8,7 +8,6 @@ lost. `Journal.state` folds all of them.
 
 import contextlib
 import os
-from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
@@ -22,19 +21,9 @@ from frida_painter.errors import StorageError
 from frida_painter.hardware.robot import Frame
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.planning.placement import Placement, TouchHeights
+from frida_painter.session import events
 from frida_painter.session.choreography import Action
-from frida_painter.session.events import (
-    CanvasPicture,
-    Durable,
-    Event,
-    MotionBegan,
-    PaintingBegun,
-    PlanAdopted,
-    SessionResumed,
-    StrokePainted,
-    record,
-    time_of,
-)
+from frida_painter.session.events import Durable, Event, record, time_of
 from frida_painter.session.fold import FORMAT, VERSION, PaintingState, require_journal
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images, locks, storage
@@ -58,19 +47,9 @@ class Journal:
         self._photograph: str | None = None
 
     @classmethod
-    def nowhere(cls) -> Self:
-        """Returns a journal that writes nothing."""
-        return cls(None)
-
-    @classmethod
     def begin(cls, folder: Path, settings: dict[str, Any], rests_on: dict[str, str]) -> Self:
-        """Returns the journal of a new painting.
-
-        settings: settings of the painting, as plain values.
-        rests_on: hashes, by name, of the other inputs (goal, calibration and brush), which are compared when it is
-        resumed.
-        """
-        begun = PaintingBegun(settings, rests_on, **_who())
+        """Returns the journal of a new painting. Resuming compares the arguments, as in PaintingBegun."""
+        begun = events.PaintingBegun(settings, rests_on, **_who())
         first = {"format": FORMAT, "version": VERSION, **record(begun)}
         journal = cls(EventLog.begin(folder / JOURNAL, first))
         journal.state.hear(begun, time_of(first))
@@ -87,14 +66,14 @@ class Journal:
         try:
             state = PaintingState.of_journal(book.found, folder)
             with storage.understanding(folder / JOURNAL, "the journal of a painting"):
-                for planning in state.plannings:
+                for planning in state.planning.adopted:
                     placement_of(planning)
-                if state.light is not None:
-                    FlatField.of(state.light)
+                if state.pictures.light is not None:
+                    FlatField.of(state.pictures.light)
         except StorageError:
             book.close()
             raise
-        state.missing = book.missing
+        state.sittings.missing = book.missing
         return cls(book, state), state
 
     def close(self) -> None:
@@ -102,51 +81,49 @@ class Journal:
         if self._book is not None:
             self._book.close()
 
-    def record_resume(self, *, repaint: bool) -> SessionResumed:
+    def record_resume(self, *, repaint: bool) -> events.SessionResumed:
         """Notes that a person resumed the painting and decided about the stroke in doubt; returns the note."""
-        in_doubt = self.state.in_doubt
+        in_doubt = self.state.progress.in_doubt
         decision = "" if in_doubt is None else "repaint" if repaint else "skip"
-        resumed = SessionResumed(self.state.painted, in_doubt, decision, **_who())
+        resumed = events.SessionResumed(self.state.progress.painted, in_doubt, decision, **_who())
         self.tell(resumed)
         return resumed
 
-    def record_plan(self, plan: Plan, done: int, placement: Placement, *, answers: bool = False) -> None:
-        """Notes that painting follows this plan of all strokes from stroke `done` + 1 on, and saves the plan.
+    def record_plan(
+        self, plan: Plan, done: int, placement: Placement, *, answers: bool = False, kept: bool = False
+    ) -> None:
+        """Notes that painting follows this plan of all strokes from stroke `done` + 1 on, then saves the plan.
 
-        answers: True if the rest answers a person. The note comes first, so that the journal knows every plan that the
-        folder may hold.
+        answers: True if the rest answers a person. kept: True if a look at stroke `done` kept the plan, and only the
+        placement is newer. The note comes first, so that the journal knows every plan that the folder may hold.
         """
-        self.record_kept_plan(plan, done, placement, answers=answers)
-        if self._book is not None:
-            plan.save(self._book.path.with_name(PLAN))
-
-    def record_kept_plan(self, plan: Plan, done: int, placement: Placement, *, answers: bool = False) -> None:
-        """Notes that painting still follows this plan after a look at stroke `done`, with the newer placement."""
         touch = placement.touch
         where = (placement.error, placement.information, dict(touch.depths), touch.lower, touch.information)
-        self.tell(PlanAdopted(plan.digest, done, self._photograph, *where, answers=answers))
+        self.tell(events.PlanAdopted(plan.digest, done, self._photograph, *where, answers=answers))
+        if self._book is not None and not kept:
+            plan.save(self._book.path.with_name(PLAN))
 
     def begins(self, action: Action) -> None:
         """Notes that the robot will now get this action. Raises StorageError if there is no room to note its end."""
         if self._book is not None:
             self._book.require_reserve()
-        stroke = action.done.done if isinstance(action.done, StrokePainted) else None
-        self.tell(MotionBegan(tuple(motion.label for motion in action.motions), stroke))
+        stroke = action.done.done if isinstance(action.done, events.StrokePainted) else None
+        self.tell(events.MotionBegan(tuple(motion.label for motion in action.motions), stroke))
 
     def record_look(self, frame: Frame, light: FlatField | None) -> None:
         """Notes a photograph for planning, and keeps it in the camera's pixels if there is room."""
-        content = self._keep(frame.image, f"look-{self.state.photographed:04d}.png")
+        content = self._keep(frame.image, f"look-{self.state.pictures.count:04d}.png")
         light_now = None if light is None else light.logarithm.tolist()
-        self.tell(CanvasPicture(self._photograph, self.state.painted, "camera", content, light_now))
+        self.tell(events.CanvasPicture(self._photograph, self.state.progress.painted, "camera", content, light_now))
 
-    def record_canvas(self, canvas: Tensor, done: int, *, seen: bool = False) -> CanvasPicture:
+    def record_canvas(self, canvas: Tensor, done: int, *, seen: bool = False) -> events.CanvasPicture:
         """Notes the canvas [3, H, W] after `done` strokes, and keeps its picture if there is room; returns the note.
 
         seen: True if a person took the picture, False if it is rendered.
         """
-        name = f"seen-{self.state.photographed:04d}.png" if seen else f"assumed-{done:06d}.png"
+        name = f"seen-{self.state.pictures.count:04d}.png" if seen else f"assumed-{done:06d}.png"
         content = self._keep(images.to_uint8(canvas), name)
-        noted = CanvasPicture(self._photograph, done, "person" if seen else "renderer", content, canvas=canvas)
+        noted = events.CanvasPicture(self._photograph, done, "person" if seen else "renderer", content, canvas=canvas)
         self.tell(noted)
         return noted
 
@@ -161,12 +138,10 @@ class Journal:
 
     def _write(self, event: Event, *, flush: bool) -> None:
         event = event.without_live()  # the state keeps events, and their pixels would fill the memory
-        if self._book is None:
-            self.state.hear(event, datetime.now(UTC))
-            return
         written = record(event)
         with contextlib.nullcontext() if flush else contextlib.suppress(StorageError, ValueError):
-            self._book.append(written, flush=flush)
+            if self._book is not None:
+                self._book.append(written, flush=flush)
         self.state.hear(event, time_of(written))
 
     def _keep(self, photograph: NDArray[np.uint8], name: str) -> str | None:
@@ -184,7 +159,7 @@ class Journal:
         return content
 
 
-def placement_of(planning: PlanAdopted) -> Placement:
+def placement_of(planning: events.PlanAdopted) -> Placement:
     """Returns the placement that was known when a plan was adopted."""
     touch = TouchHeights(planning.depths, planning.lower, planning.touch_information)
     return Placement(planning.error, planning.information, touch)

@@ -94,7 +94,7 @@ class PaintingSession:
         self.hand: Final = hand
         self.observer: Final = observer
         self.policy: Final = policy
-        self.journal: Final = journal or Journal.nowhere()
+        self.journal: Final = journal or Journal(None)
         self._controls, extent = controls or Controls(), extent or Extent()
         self._progress = PaintingProgress(most=extent.most)
         self.interruptions: Final = Interruptions(
@@ -243,7 +243,7 @@ class PaintingSession:
         progress, rest = self._progress, self.rest
         if not len(rest) and not self.in_turns:
             return
-        number = progress.layer_number if len(rest) else 0
+        number = int(rest.layer[0]) if len(rest) else 0
         layer = rest.layers[number]
         changes = self._executor.change_brush(layer.brush)
         palette = rest.wells(layer)

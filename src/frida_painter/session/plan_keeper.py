@@ -136,7 +136,7 @@ class PlanKeeper:
         def note() -> None:  # another plan may be adopted in a pause for a full disk
             if progress.plan is not None and (progress.painted < progress.strokes or progress.most is not None):
                 known = progress.plan, progress.painted, self._hand.placement
-                self._journal.record_kept_plan(*known, answers=progress.answers)
+                self._journal.record_plan(*known, answers=progress.answers, kept=True)
 
         self._interruptions.retry(note)
         progress.planned_at = progress.painted
@@ -152,7 +152,7 @@ class PlanKeeper:
 
     def expect(self, strokes: int) -> None:
         """Reports the work of a painting of that many strokes, 0 if nobody knows how many, before it is planned."""
-        work = self._count_work(strokes, self._journal.state.painted)
+        work = self._count_work(strokes, self._journal.state.progress.painted)
         self._tell(replace(work, planning=self.planner.iterations(strokes) if strokes else 0))
 
     def _count_work(self, strokes: int, done: int) -> Scheduled:

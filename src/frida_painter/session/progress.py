@@ -145,11 +145,6 @@ class PaintingProgress:
         return self.plan.layer_end(self.painted - 1) == self.painted
 
     @property
-    def layer_number(self) -> int:
-        """Number of the next stroke's layer, from 0."""
-        return int(self._known_plan.layer[self.painted])
-
-    @property
     def layer_end(self) -> int:
         """Number of painted strokes at the end of the next stroke's layer."""
         return self._known_plan.layer_end(self.painted)

@@ -50,20 +50,20 @@ def load_kept_plan(folder: Path, state: PaintingState) -> KeptPlan | None:
 
     Raises PlanError if the plan is damaged, or if all its strokes are already painted.
     """
-    if not state.plannings or (state.painted == 0 and not (folder / PLAN).exists()):
+    if not state.planning.adopted or (state.progress.painted == 0 and not (folder / PLAN).exists()):
         return None
     plan = Plan.load(folder)
-    last = state.plannings[-1]
+    last = state.planning.adopted[-1]
     if plan.digest == last.plan:
         return KeptPlan(plan, last)
     # The painting broke off after the journal's note of a replan and before the plan was saved.
-    earlier = [planning for planning in state.plannings if planning.plan != last.plan]
-    unpainted = state.painted == last.done and state.in_doubt is None
+    earlier = [planning for planning in state.planning.adopted if planning.plan != last.plan]
+    unpainted = state.progress.painted == last.done and state.progress.in_doubt is None
     if earlier and unpainted and plan.digest == earlier[-1].plan:
         return KeptPlan(plan, earlier[-1])
-    if len(plan) <= state.painted:
+    if len(plan) <= state.progress.painted:
         raise PlanError(
-            f"{folder / PLAN} has {len(plan)} strokes, of which {state.painted} are painted already; "
+            f"{folder / PLAN} has {len(plan)} strokes, of which {state.progress.painted} are painted already; "
             "bring the plan of this painting back."
         )
     return KeptPlan(plan, replace(last, plan=plan.digest, answers=False), foreign=True)
@@ -82,26 +82,27 @@ def changes(
     log_records_missing: number of records lost at the end of a simulated studio's log.
     """
     lines = [
-        f"{name}: it was {state.settings.get(name)!r}, and is {settings.get(name)!r}"
-        for name in sorted({*state.settings, *settings})
-        if state.settings.get(name) != settings.get(name)
+        f"{name}: it was {state.sittings.settings.get(name)!r}, and is {settings.get(name)!r}"
+        for name in sorted({*state.sittings.settings, *settings})
+        if state.sittings.settings.get(name) != settings.get(name)
     ]
     lines += [
-        f"{name}: it was {_short(state.rests_on.get(name))}, and is {_short(rests_on.get(name))}"
-        for name in sorted({*state.rests_on, *rests_on})
-        if state.rests_on.get(name) != rests_on.get(name)
+        f"{name}: it was {_short(state.sittings.rests_on.get(name))}, and is {_short(rests_on.get(name))}"
+        for name in sorted({*state.sittings.rests_on, *rests_on})
+        if state.sittings.rests_on.get(name) != rests_on.get(name)
     ]
     lines += [
-        f"{name}: it is {fault}" for name in state.photographs if (fault := _fault(folder, name, state)) is not None
+        f"{name}: it is {fault}" for name in state.pictures.files if (fault := _fault(folder, name, state)) is not None
     ]
-    if state.missing:
-        lines.append(f"journal: its last {_records(state.missing)} gone, and their strokes would be painted again")
+    if state.sittings.missing:
+        gone = _records(state.sittings.missing)
+        lines.append(f"journal: its last {gone} gone, and their strokes would be painted again")
     if log_records_missing:
         lines.append(
             f"{SIMULATION_LOG}: its last {_records(log_records_missing)} gone, and what they put on the virtual canvas"
         )
     if kept is not None and kept.foreign:
-        noted = state.plannings[-1].plan
+        noted = state.planning.adopted[-1].plan
         lines.append(f"plan: it was {_short(noted)}, and is {_short(kept.plan.digest)}, of {len(kept.plan)} strokes")
     return lines
 
@@ -114,7 +115,7 @@ def _fault(folder: Path, name: str, state: PaintingState) -> str | None:
         content = storage.sha256(folder / name, A_PHOTOGRAPH)
     except StorageError:
         return "no file that can be read"
-    return None if state.photographs[name] in (None, content) else "another one than was taken"
+    return None if state.pictures.files[name] in (None, content) else "another one than was taken"
 
 
 def recall_brush(hand: Hand, state: PaintingState, answer: Callable[[Question], Answer] | None) -> None:
@@ -125,19 +126,19 @@ def recall_brush(hand: Hand, state: PaintingState, answer: Callable[[Question], 
     if hand.has_rack:
         hand.require_rack()
         names = [kind.name for kind in (hand.brush, *hand.others)]
-        hand.held = brush_in_hand(names, answer) if state.held is None else state.held
+        hand.held = brush_in_hand(names, answer) if state.brush.held is None else state.brush.held
 
 
 def light(state: PaintingState) -> FlatField | None:
     """Returns the light of the room from the journal; None before the first look."""
-    return None if state.light is None else FlatField.of(state.light)
+    return None if state.pictures.light is None else FlatField.of(state.pictures.light)
 
 
 def region(folder: Path, state: PaintingState) -> Region | None:
     """Returns the protected region that a person drew; None if there is none. Raises ImageError."""
-    if state.region is None:
+    if (drawn := state.wishes.region) is None:
         return None
-    return region_of(images.load(folder / REGIONS / str(state.region.drawing)), only_inside=state.region.only)
+    return region_of(images.load(folder / REGIONS / str(drawn.drawing)), only_inside=drawn.only)
 
 
 BARE = f"{PHOTOGRAPHS}/look-0000.png"
@@ -154,7 +155,7 @@ def load_photograph(folder: Path, name: str | None) -> NDArray[np.uint8] | None:
 
 def expect_canvas(kept: KeptPlan, state: PaintingState, planner: Planner, before: Tensor) -> Expected:
     """Returns the expected canvas: `before` with the strokes painted since, including the stroke in doubt."""
-    until = state.painted if state.in_doubt is None else state.in_doubt
+    until = state.progress.painted if state.progress.in_doubt is None else state.progress.in_doubt
     since = kept.plan.part(slice(kept.planning.done, until))
     return Expected(before, planner.expected(since, before) if len(since) else before)
 
@@ -166,9 +167,9 @@ def last_canvas(folder: Path, state: PaintingState, size: CanvasSize, calibratio
     Without a camera, returns the canvas as it was last assumed.
     Raises ImageError if both are lost.
     """
-    if state.assumed is not None and storage.exists(folder / state.assumed):
-        return images.load(folder / state.assumed)
-    seen = load_canvas(folder, state.last_photograph, state, size, calibration)
+    if state.pictures.assumed is not None and storage.exists(folder / state.pictures.assumed):
+        return images.load(folder / state.pictures.assumed)
+    seen = load_canvas(folder, state.pictures.last, state, size, calibration)
     return images.load(folder / "painting.png") if seen is None else seen
 
 

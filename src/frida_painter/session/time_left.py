@@ -143,8 +143,6 @@ class RemainingTime:
             self._since += passed
         self._waits = person or (self._waits and kind not in _ROBOT)
         match event:
-            case events.MotionBegan():
-                pass
             case events.StrokePainted(done=done) | events.StrokeLeftOut(done=done):
                 self._painted = done
                 self._forget_looks(until=done - 1)  # a look may not have led to a replan
@@ -183,8 +181,6 @@ class RemainingTime:
                 self._wet = left or None
             case events.Dipped() | events.LayerBegun() | events.BrushInHand(str()) | events.WentOn():
                 self._since = self._since or 0.0
-            case _:
-                pass
 
     @property
     def remaining(self) -> float:

@@ -86,7 +86,7 @@ def give_picture(folder: Path, picture: Path, corners: Corners | None, *, ask: b
     if is_finished(folder):
         history = history_of(folder)
         with PaintingRun.reopen(folder) as run:
-            tell(run.show_picture(seen.canvas), history.painted, history.seconds)
+            tell(run.show_picture(seen.canvas), history.progress.painted, history.sittings.seconds)
         return
     LookFolder(folder).put(picture, given.corners)
     print("It shows this canvas. The painter takes it between two strokes, and plans the rest again from it.")

@@ -21,7 +21,7 @@ export function byWords(house, here, say) {
   }
 
   function shelf(/** @type {PaintState} */ painting) {
-    const { proposed } = painting;
+    const { proposed } = painting.wishes;
     if (!proposed) return null;
     return h("div", {}, h("p", { role: "status" }, `“${proposed.words}”: choose the picture to paint from here on, ask for others, or continue without.`),
       proposed.faults.length ? h("p", { class: "label" }, proposed.faults.join(" ")) : null,
@@ -34,17 +34,17 @@ export function byWords(house, here, say) {
   /** The place in a pause; nothing if no maker is allowed here. @param {PaintState} painting */
   function place(painting) {
     if (!house.makers.length) return null;
-    const go = h("button", { type: "submit", class: "button second wide" }, painting.proposed ? "Make other pictures" : "Make pictures from the canvas");
+    const go = h("button", { type: "submit", class: "button second wide" }, painting.wishes.proposed ? "Make other pictures" : "Make pictures from the canvas");
     const field = h("input", { type: "text", maxLength: 300, value: typed, placeholder: "make it a stormy sea", "aria-label": "What shall change", oninput: (event) => { typed = event.target.value; go.disabled = !typed.trim(); } });
     const names = makerChoice(house, maker, (name) => { maker = name; });
     go.disabled = !typed.trim();
     const form = h("form", { class: "stack", onsubmit: (event) => { event.preventDefault(); if (typed.trim()) say({ kind: "propose", words: typed.trim(), maker }); } }, field, names, go);
-    return h("details", { open: Boolean(painting.proposed || typed) }, h("summary", {}, "Change it by words"),
+    return h("details", { open: Boolean(painting.wishes.proposed || typed) }, h("summary", {}, "Change it by words"),
       h("p", {}, "A picture maker proposes pictures that begin from the canvas as it is. What you painted stays."), shelf(painting), form);
   }
 
   /** What stands in a pause while pictures are made. @param {PaintState} painting */
-  const making = (painting) => h("div", { class: "making" }, h("p", {}, `Pictures of “${painting.making}” are being made from the canvas.`),
+  const making = (painting) => h("div", { class: "making" }, h("p", {}, `Pictures of “${painting.wishes.request.words}” are being made from the canvas.`),
     h("progress", { "aria-label": "Making pictures from the canvas" }), said,
     h("button", { type: "button", class: "quiet", onclick: () => say({ kind: "end making" }) }, "Stop making pictures"));
 

@@ -9,11 +9,11 @@ const ROBOT = {
 
 /** Which brush the robot holds, and what that carries. @param {PaintState} painting @param {Paint[]} palette */
 export function brushWords(painting, palette) {
-  const brush = painting.brush ? `${painting.brush}, ` : "";
+  const brush = painting.brush.name ? `${painting.brush.name}, ` : "";
   if (painting.status === "paused") return `${brush}clean`;
-  const paint = painting.paint === null ? undefined : palette[painting.paint];
+  const paint = painting.brush.paint === null ? undefined : palette[painting.brush.paint];
   if (!paint) return `${brush}no paint yet`;
-  const strokes = painting.since_dip ?? 0;
+  const strokes = painting.brush.since_dip;
   return `${brush}paint ${paint.number}, ${strokes ? `${count(strokes, "stroke", "strokes")} since the dip` : "just dipped"}`;
 }
 
@@ -31,15 +31,15 @@ export function easelState(robot) {
   function update(painting, palette) {
     words.robot.textContent = `${robot}: ${ROBOT[painting.status] ?? painting.status}`;
     words.brush.textContent = brushWords(painting, palette);
-    const paint = painting.status === "paused" ? null : palette[painting.paint ?? -1];
+    const paint = painting.status === "paused" ? null : palette[painting.brush.paint ?? -1];
     swatch.style.background = paint?.hex ?? "transparent";
-    const key = JSON.stringify([painting.dips, painting.paint, palette.map((each) => each.hex)]);
+    const key = JSON.stringify([painting.brush.dips, painting.brush.paint, palette.map((each) => each.hex)]);
     if (key === shown) return;
     shown = key;
     show(wells, palette.map((each, index) => {
-      const dips = painting.dips?.[index] ?? 0;
+      const dips = painting.brush.dips[index] ?? 0;
       const told = `Paint ${each.number}: ${count(dips, "dip", "dips")}`;
-      return h("li", { class: index === painting.paint ? "used" : "", title: told }, h("b", { style: { background: each.hex }, "aria-hidden": "true" }), h("small", { "aria-label": told }, String(dips)));
+      return h("li", { class: index === painting.brush.paint ? "used" : "", title: told }, h("b", { style: { background: each.hex }, "aria-hidden": "true" }), h("small", { "aria-label": told }, String(dips)));
     }));
   }
 

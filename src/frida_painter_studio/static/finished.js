@@ -18,15 +18,18 @@ const OF_PAINTERS = [["painters.png", "Who painted what (PNG)"], ["painters.csv"
 /** @param {House} house @param {Here} here @param {State & { painting: PaintState }} first */
 export function finishedStage(house, here, first) {
   const { painting } = first;
+  const { progress } = painting;
+  const replanned = painting.planning.replanned?.shown;
   const plan = /** @type {PlanState} */ (first.plans.find((each) => each.number === painting.plan));
   const { wish } = plan;
-  const terms = (painting.wish ?? wish).terms; // as they were changed while it was painted
-  const whole = painting.kept;
+  const terms = painting.wishes.goals.at(-1)?.wish.terms ?? wish.terms; // as they were changed while it was painted
+  const results = painting.end.results ?? [];
+  const whole = painting.end.results !== null;
   const place = (name) => api.file(here.id, "painting", name);
-  const best = whole ? place("painting.png") : painting.photograph && api.shown(here.id, painting.photograph);
+  const best = whole ? place("painting.png") : painting.pictures.photograph && api.shown(here.id, painting.pictures.photograph);
   const canvas = canvasView(wish, ["goal", "plan", "painting"]);
   canvas.goal(terms);
-  canvas.picture("plan", painting.replanned ? api.file(here.id, "live", `${painting.replanned.prefix}plan.jpg`) : api.file(here.id, plan.number, "plan.jpg"), "The plan");
+  canvas.picture("plan", replanned ? api.file(here.id, "live", `${replanned.prefix}plan.jpg`) : api.file(here.id, plan.number, "plan.jpg"), "The plan");
   if (best) canvas.picture("painting", best, `The painting: ${here.title}`);
   canvas.captions({
     plan: best ? "The plan" : "There is no photograph. This is the plan.",
@@ -34,9 +37,9 @@ export function finishedStage(house, here, first) {
   });
 
   const verdict = {
-    finished: `${count(painting.done, "stroke", "strokes")} are on the canvas.`,
-    stopped: `You stopped after ${count(painting.done, "stroke", "strokes")} of ${painting.of || plan.made?.strokes}.${house.simulated ? "" : " Look at the robot before anything else."}`,
-    failed: `It failed after ${count(painting.done, "stroke", "strokes")} of ${painting.of || plan.made?.strokes}.`,
+    finished: `${count(progress.painted, "stroke", "strokes")} are on the canvas.`,
+    stopped: `You stopped after ${count(progress.painted, "stroke", "strokes")} of ${progress.of || plan.made?.strokes}.${house.simulated ? "" : " Look at the robot before anything else."}`,
+    failed: `It failed after ${count(progress.painted, "stroke", "strokes")} of ${progress.of || plan.made?.strokes}.`,
   }[painting.status];
 
   async function again() {
@@ -55,18 +58,18 @@ export function finishedStage(house, here, first) {
     : `${looksFirst} It asks you if it is not sure whether a stroke was painted.`)];
 
   const term = mainTerm(terms);
-  const palette = (painting.replanned ?? plan.made)?.palette ?? [];
-  const keepsakes = !best || !painting.done ? null : h("div", { class: "keepsakes" },
+  const palette = (replanned ?? plan.made)?.palette ?? [];
+  const keepsakes = !best || !progress.painted ? null : h("div", { class: "keepsakes" },
     term?.picture ? beforeAfter({ before: api.picture(term.picture), crop: term.crop, after: best, shape: wish.width / wish.height }) : null,
     paintingCard({ title: here.title || "Untitled", picture: best, notice: house.notice, paints: palette.map((paint) => paint.hex),
-      facts: cardFacts({ strokes: painting.done, paints: palette.length, begun: here.begun }) }));
+      facts: cardFacts({ strokes: progress.painted, paints: palette.length, begun: here.begun }) }));
   const easel = h("div", { class: "easel" }, canvas.element, canvas.slider, canvas.caption,
-    painting.film ? h("video", { controls: true, playsInline: true, preload: "metadata", poster: best, src: place("film.mp4"), "aria-label": "Timelapse film of the painting, without sound" })
-      : whole && painting.done ? h("p", { class: "label beneath" }, "There is no timelapse film. It could not be written; the disk may be full.") : null,
-    painting.painters ? whoPainted(place, api.get) : null,
-    painting.arm ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null);
+    results.includes("film") ? h("video", { controls: true, playsInline: true, preload: "metadata", poster: best, src: place("film.mp4"), "aria-label": "Timelapse film of the painting, without sound" })
+      : whole && progress.painted ? h("p", { class: "label beneath" }, "There is no timelapse film. It could not be written; the disk may be full.") : null,
+    results.includes("painters") ? whoPainted(place, api.get) : null,
+    results.includes("arm") ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null);
   const panel = h("div", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, seed ${wish.seed}`), rest, h("h2", {}, "The goal"), goalList(terms),
-    whole ? [h("h2", {}, "Downloads"), h("ul", { class: "files" }, [...FILES, ...(painting.painters ? OF_PAINTERS : [])].filter(([name]) => name !== "film.mp4" || painting.film).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
+    whole ? [h("h2", {}, "Downloads"), h("ul", { class: "files" }, [...FILES, ...(results.includes("painters") ? OF_PAINTERS : [])].filter(([name]) => name !== "film.mp4" || results.includes("film")).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
       h("li", {}, h("a", { href: `/api/paintings/${here.id}/everything.zip`, download: "painting.zip" }, "Everything, with a page about the painting (ZIP)")))] : null,
     h("p", { class: "actions" },
       h("button", { type: "button", class: "button second", "data-for": "plan", onclick: again }, "Paint again"),

@@ -10,13 +10,14 @@ const WHY = {
 };
 
 /**
- * What came of a look. `why` is what a person had asked for before it ("" for a look of its own); `gain` by which share of
- * what was missing the new rest comes nearer to the goal than the old one, undefined where there is no new one (yet).
- * Without a goal (`together`) there is nothing to come nearer to.
- * @param {{ why?: string, gain?: number }} look @param {boolean} together
+ * What came of a look. `why` is what a person had asked for before it ("" for a look of its own); the loss of `planned`
+ * tells by which share of what was missing the new rest comes nearer to the goal than the old one; null where there is no
+ * new one (yet). Without a goal (`together`) there is nothing to come nearer to.
+ * @param {Pick<Look, "why" | "planned">} look @param {boolean} together
  */
-export function outcome({ why = "", gain }, together = false) {
-  if (gain === undefined || together) return "";
+export function outcome({ why, planned }, together = false) {
+  if (!planned?.look || together) return "";
+  const gain = planned.loss_before > 0 ? 1 - planned.loss_after / planned.loss_before : 0;
   const share = Math.round(100 * Math.abs(gain));
   const goal = why === "goal" ? "the new goal" : "the goal";
   const compared = share === 0 ? `The new strokes come as close to ${goal} as the old ones.`

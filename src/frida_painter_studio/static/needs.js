@@ -7,8 +7,9 @@
  */
 export function need(state, title) {
   const { painting, question, working, trouble } = state;
+  const pause = painting?.wishes.pause;
   if (question && working) return { key: `question ${question.id}`, text: `${title}: a question. ${question.text}` };
-  if (painting?.status === "paused") return { key: `paused ${painting.done} ${painting.cause}`, text: painting.cause === "turn" ? `${title}: it is your turn to paint.` : `${title} has paused. ${painting.reason ?? ""}`.trim() };
+  if (painting?.status === "paused") return { key: `paused ${painting.progress.painted} ${pause?.cause}`, text: pause?.cause === "turn" ? `${title}: it is your turn to paint.` : `${title} has paused. ${pause?.reason ?? ""}`.trim() };
   if (trouble && !working) return { key: `trouble ${trouble}`, text: `${title}: ${trouble}` };
   if (painting?.status === "finished" && !working) return { key: "finished", text: `${title} is finished.` };
   const ready = state.plans?.filter((plan) => plan.status === "ready").length;

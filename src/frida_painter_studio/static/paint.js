@@ -43,38 +43,40 @@ export function paintStage(house, here, first) {
   /** The strokes that are being painted: of the first plan, or of the one made at the last look. */
   async function followPlan(state) {
     const { painting } = state;
-    const made = painting.replanned;
-    const source = made
-      ? { key: made.prefix, place: "live", prefix: made.prefix, palette: made.palette, from: made.done, frames: made.frames }
+    const { replanned } = painting.planning;
+    const source = replanned
+      ? { key: replanned.shown.prefix, place: "live", ...replanned.shown, from: replanned.done }
       : ((base) => ({ key: "first", place: base.number, prefix: base.made.prefix, palette: base.made.palette, from: 0, frames: base.made.frames }))(state.plans.find((each) => each.number === painting.plan));
     if (source.key === strokes.key) return;
     strokes = { ...source, paths: null };
     strokes.paths = await api.get(api.file(here.id, source.place, `${source.prefix}strokes.json`)).catch(() => null);
   }
 
-  function lookCard(look) {
-    const picture = (name, words) => h("figure", {}, h("img", { src: api.file(here.id, name === "found" ? "live" : "painting", look[name]), alt: `${words}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, words));
+  function lookCard(/** @type {Look} */ look) {
+    const picture = (name, words) => h("figure", {}, h("img", { src: api.file(here.id, name === "found" ? "live" : "painting", name === "found" ? look.found : look.pictures[name]), alt: `${words}, after ${look.done} strokes`, loading: "lazy" }), h("figcaption", {}, words));
     const came = outcome(look, wish.together);
-    return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), came ? h("p", {}, came) : null, ...(look.touch ?? []).map((sentence) => h("p", {}, sentence)),
+    return h("li", {}, h("h3", {}, `After ${count(look.done, "stroke", "strokes")}`), came ? h("p", {}, came) : null, ...look.touch.map((sentence) => h("p", {}, sentence)),
       h("div", { class: "trio" }, picture("expected", "Expected"), picture("seen", "Seen"), look.found ? picture("found", "What you painted") : picture("difference", "Difference")));
   }
 
   function update(state) {
     const { painting } = state;
-    bar.value = painting.of ? painting.done / painting.of : 0;
-    const wait = painting.status === "drying" && painting.dries ? `, ${duration(painting.dries)} more` : "";
+    const { progress, pictures, wishes } = painting;
+    const dries = (progress.drying?.left ?? 0) * progress.pace;
+    bar.value = progress.of ? progress.painted / progress.of : 0;
+    const wait = painting.status === "drying" && dries ? `, ${duration(dries)} more` : "";
     bar.hidden = wish.together;
-    said.textContent = wish.together ? `${painting.done ? `${count(painting.done, "stroke", "strokes")} of the robot; ` : ""}${painting.cause === "turn" && painting.status === "paused" ? "your turn" : WORDS[painting.status] ?? ""}${wait}` : painting.status === "painting" ? `Stroke ${painting.done} of ${painting.of}` : `${painting.done ? `Stroke ${painting.done} of ${painting.of}: ` : ""}${WORDS[painting.status] ?? ""}${wait}`;
+    said.textContent = wish.together ? `${progress.painted ? `${count(progress.painted, "stroke", "strokes")} of the robot; ` : ""}${wishes.pause?.cause === "turn" && painting.status === "paused" ? "your turn" : WORDS[painting.status] ?? ""}${wait}` : painting.status === "painting" ? `Stroke ${progress.painted} of ${progress.of}` : `${progress.painted ? `Stroke ${progress.painted} of ${progress.of}: ` : ""}${WORDS[painting.status] ?? ""}${wait}`;
     left.textContent = painting.left && !["finishing", "paused"].includes(painting.status) ? `about ${duration(painting.left)} left` : painting.status === "preparing" ? painting.said : "";
-    if (painting.photograph) canvas.picture("painting", api.shown(here.id, painting.photograph), `The canvas after ${painting.done} strokes`);
+    if (pictures.photograph) canvas.picture("painting", api.shown(here.id, pictures.photograph), `The canvas after ${progress.painted} strokes`);
     const next = painting.status === "painting" ? ", and the next stroke" : "";
     canvas.captions({
-      plan: wish.together ? "The canvas as it began" : painting.photograph || !house.watched ? "The plan" : "The plan. The first photograph of the easel comes soon.",
+      plan: wish.together ? "The canvas as it began" : pictures.photograph || !house.watched ? "The plan" : "The plan. The first photograph of the easel comes soon.",
       painting: house.watched ? `The easel, as it was photographed last${next}` : `There is no camera: the canvas as it should look now${next}`,
     });
-    const region = painting.region ? api.file(here.id, "regions", painting.region.picture) : "";
-    canvas.region(region, painting.region?.only);
-    const terms = (painting.wish ?? wish).terms;
+    const region = wishes.region ? api.file(here.id, "regions", wishes.region.drawing) : "";
+    canvas.region(region, wishes.region?.only);
+    const terms = wishes.goals.at(-1)?.wish.terms ?? wish.terms;
     const goal = JSON.stringify(terms);
     if (goal !== shownGoal) {
       shownGoal = goal;
@@ -82,18 +84,18 @@ export function paintStage(house, here, first) {
       show(goals, goalList(terms));
     }
     followPlan(state).then(() => {
-      const growing = painting.status === "planning" && painting.growing;
-      canvas.picture("plan", growing ? api.file(here.id, "live", painting.growing) : api.file(here.id, strokes.place, `${strokes.prefix}plan.jpg`), "The plan");
-      const index = painting.done - strokes.from;
+      const growing = painting.status === "planning" && painting.planning.growing;
+      canvas.picture("plan", growing ? api.file(here.id, "live", painting.planning.growing) : api.file(here.id, strokes.place, `${strokes.prefix}plan.jpg`), "The plan");
+      const index = progress.painted - strokes.from;
       const paint = strokes.paths && strokes.palette[strokes.paths.paint[index]];
       canvas.highlight(strokes.paths, painting.status === "painting" ? index : null, paint?.hex);
     });
     parts.update(painting, state.plans.find((each) => each.number === painting.plan).made.palette);
     tools.update(state);
-    const key = JSON.stringify(painting.looks);
+    const key = JSON.stringify(pictures.looks);
     if (key !== shownLooks) {
       shownLooks = key;
-      show(looks, painting.looks.length ? [...painting.looks].reverse().map(lookCard) : h("li", { class: "label" }, house.watched ? "No look yet: the robot has not compared the canvas with the plan." : "There is no camera. Nobody looks at the canvas, and the plan is painted as it is."));
+      show(looks, pictures.looks.length ? [...pictures.looks].reverse().map(lookCard) : h("li", { class: "label" }, house.watched ? "No look yet: the robot has not compared the canvas with the plan." : "There is no camera. Nobody looks at the canvas, and the plan is painted as it is."));
     }
   }
 

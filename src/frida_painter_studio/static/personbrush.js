@@ -26,14 +26,14 @@ export function personBrush({ house, here, wish, say, close }) {
   /** @type {{ number: number, forget: () => void }[]} */
   const waiting = []; // sketches of strokes that are not on the photograph yet
 
-  const brush = () => painting?.person?.brushes.find((each) => each.name === chosen.brush) ?? null;
-  const may = () => Boolean(painting?.held && painting.person?.wells.length);
+  const brush = () => painting?.people.may_paint?.brushes.find((each) => each.name === chosen.brush) ?? null;
+  const may = () => Boolean(painting?.wishes.paused && painting.people.may_paint?.wells.length);
 
   const pad = strokePad({
     label: "Paint on the canvas", shape: wish.width / wish.height, press: () => chosen.press,
     begin() {
       const held = brush();
-      return held && may() ? { color: painting?.person?.wells[chosen.paint] ?? "#000", light: held.light / across, hard: held.hard / across } : null;
+      return held && may() ? { color: painting?.people.may_paint?.wells[chosen.paint] ?? "#000", light: held.light / across, hard: held.hard / across } : null;
     },
     done,
   });
@@ -42,7 +42,7 @@ export function personBrush({ house, here, wish, say, close }) {
   });
 
   async function done(points, forget) {
-    const number = (painting?.person?.strokes ?? 0) + ++sent;
+    const number = (painting?.people.painted ?? 0) + ++sent;
     waiting.push({ number, forget });
     const kept = thin(points, [EXACT[0] / across, EXACT[1] / up, ...EXACT.slice(2)]);
     const laid = await say({ kind: "paint", brush: chosen.brush, paint: chosen.paint, points: kept });
@@ -79,13 +79,14 @@ export function personBrush({ house, here, wish, say, close }) {
   /** @param {PaintState} next */
   function update(next) {
     painting = next;
-    const person = next.person;
-    if (!person) return;
+    const { may_paint, painted } = next.people;
+    if (!may_paint && !painted) return;
+    const person = may_paint ?? { brushes: [], wells: [] };
     const key = JSON.stringify([person.brushes, person.wells]);
     if (key !== known) {
       const opening = !known;
       known = key;
-      const first = person.brushes.find((each) => each.name === next.brush) ?? person.brushes[person.brushes.length - 1];
+      const first = person.brushes.find((each) => each.name === next.brush.name) ?? person.brushes[person.brushes.length - 1];
       if (!brush() && first) chosen.brush = first.name;
       const darkest = Math.max(0, person.wells.length - 1);
       chosen.paint = opening && wish.together ? darkest : Math.min(chosen.paint, darkest); // a drawing begins with what is seen on white
@@ -94,16 +95,16 @@ export function personBrush({ house, here, wish, say, close }) {
       show(paints, person.wells.map((color, index) => h("button", { type: "button", class: "ink", style: { background: color }, "aria-label": `Paint ${index + 1}`, title: `Paint ${index + 1}`, onclick: () => pick({ paint: index }) })));
       pick({});
     }
-    while (waiting.length && person.strokes >= waiting[0].number) {
+    while (waiting.length && painted >= waiting[0].number) {
       const { forget } = /** @type {{ number: number, forget: () => void }} */ (waiting.shift());
       sent = Math.max(0, sent - 1);
       setTimeout(forget, 900); // its photograph follows within a moment
     }
-    if (next.photograph) pad.show(api.shown(here.id, next.photograph));
-    if (next.remark) waiting.splice(0).forEach((each) => { each.forget(); });
-    if (next.remark) sent = 0;
-    show(refused, next.remark ? h("p", { class: "remark", role: "alert" }, next.remark) : null);
-    told.textContent = `${person.strokes ? `${count(person.strokes, "stroke", "strokes")} of yours on the canvas. ` : ""}Wet paint mixes with wet paint. Nothing can be undone: paint over it.`;
+    if (next.pictures.photograph) pad.show(api.shown(here.id, next.pictures.photograph));
+    if (next.people.remark) waiting.splice(0).forEach((each) => { each.forget(); });
+    if (next.people.remark) sent = 0;
+    show(refused, next.people.remark ? h("p", { class: "remark", role: "alert" }, next.people.remark) : null);
+    told.textContent = `${painted ? `${count(painted, "stroke", "strokes")} of yours on the canvas. ` : ""}Wet paint mixes with wet paint. Nothing can be undone: paint over it.`;
     element.classList.toggle("waits", !may());
   }
 

@@ -20,7 +20,7 @@ export function togetherTools(house, here, wish, onPad) {
 
   const button = (label, work, kind = "second", key = "") => h("button", { type: "button", class: `button ${kind}`, onclick: work, "aria-keyshortcuts": key || null }, label);
 
-  const photograph = (state) => (state.painting.photograph ? api.shown(here.id, state.painting.photograph) : "");
+  const photograph = (state) => (state.painting.pictures.photograph ? api.shown(here.id, state.painting.pictures.photograph) : "");
 
   /** A pad over the photograph of the canvas, in place of everything else until it is closed. */
   function drawOver(state, { title, mask, actions }) {
@@ -79,7 +79,7 @@ export function togetherTools(house, here, wish, onPad) {
 
   function changing(state) {
     const begun = changed !== null;
-    const now = { ...wish, ...state.painting.wish };
+    const now = { ...wish, ...state.painting.wishes.goals.at(-1)?.wish };
     changed ??= structuredClone(now);
     const form = wishForm(house, changed, () => {}, { goalsOnly: true, ondraw: (use) => sketching(state, use) });
     const replan = async () => { if ((await form.settled()) && (await say({ kind: "goal", terms: changed.terms, initial: changed.initial ?? [] }))) changed = null; };
@@ -89,7 +89,7 @@ export function togetherTools(house, here, wish, onPad) {
 
   const words = byWords(house, here, say);
 
-  const turns = (state) => turnForm(house, state.painting, say, wish.together);
+  const turns = (state) => turnForm(house, state.painting.wishes.turns, say, wish.together);
 
   function pausing() {
     const pause = button("Pause after this stroke", async () => {
@@ -105,36 +105,38 @@ export function togetherTools(house, here, wish, onPad) {
 
   function update(state) {
     const { painting } = state;
+    const { progress, wishes, people } = painting;
+    const wells = people.may_paint?.wells;
     latest = state;
-    if (brush && painting.held) { brush.update(painting); return; }
+    if (brush && wishes.paused) { brush.update(painting); return; }
     words.tell(painting);
     brush = null;
-    const left = painting.of - painting.done;
-    const key = JSON.stringify([painting.status, painting.person?.wells, painting.held, painting.turns, painting.game, painting.region, painting.remark, left && painting.status === "paused" ? left : 0, painting.making, painting.proposed]);
+    const left = progress.of - progress.painted;
+    const key = JSON.stringify([painting.status, wells, wishes.paused, wishes.turns, wishes.region, people.remark, left && painting.status === "paused" ? left : 0, wishes.request, wishes.proposed]);
     if (key === shown || (drawing && painting.status === "paused")) return;
     shown = key;
     drawing = element.hidden = false;
     onPad(null);
-    const remark = painting.remark ? h("p", { class: "remark", role: "alert" }, painting.remark) : null;
+    const remark = people.remark ? h("p", { class: "remark", role: "alert" }, people.remark) : null;
     if (painting.status === "paused" && wish.together) {
-      show(element, remark, h("p", {}, painting.reason),
-        mainAction(painting.person?.wells.length ? button("Paint on the canvas", () => paintBeside(state), "wide", "b") : button("Let the robot answer", () => say({ kind: "go on" }), "wide", "p")),
-        h("p", { class: "stack" }, painting.person?.wells.length ? button("Let the robot answer", () => say({ kind: "go on" }), "second wide", "p") : null,
-          button(painting.region ? "Protect another part" : "Protect a part", () => protecting(state), "second wide", "m"),
-          painting.region ? button("Remove the protection", () => say({ kind: "free" }), "second wide") : null,
+      show(element, remark, h("p", {}, wishes.pause?.reason),
+        mainAction(wells?.length ? button("Paint on the canvas", () => paintBeside(state), "wide", "b") : button("Let the robot answer", () => say({ kind: "go on" }), "wide", "p")),
+        h("p", { class: "stack" }, wells?.length ? button("Let the robot answer", () => say({ kind: "go on" }), "second wide", "p") : null,
+          button(wishes.region ? "Protect another part" : "Protect a part", () => protecting(state), "second wide", "m"),
+          wishes.region ? button("Remove the protection", () => say({ kind: "free" }), "second wide") : null,
           button("The drawing is finished", () => say({ kind: "finish" }), "second wide")),
         turns(state));
     } else if (painting.status === "paused") {
       const byWord = words.place(painting);
-      show(element, remark, h("p", {}, painting.reason), painting.proposed ? byWord : null,
+      show(element, remark, h("p", {}, wishes.pause?.reason), wishes.proposed ? byWord : null,
         mainAction(button("Continue", () => say({ kind: "go on" }), "wide", "p")),
-        h("p", { class: "stack" }, painting.person?.wells.length ? button("Paint on the canvas yourself", () => paintBeside(state), "second wide", "b") : null,
+        h("p", { class: "stack" }, wells?.length ? button("Paint on the canvas yourself", () => paintBeside(state), "second wide", "b") : null,
           house.watched ? button("Look at the canvas and replan", () => say({ kind: "look" }), "second wide", "l") : picturing(),
-          button(painting.region ? "Protect another part" : "Protect a part", () => protecting(state), "second wide", "m"),
-          painting.region ? button("Remove the protection", () => say({ kind: "free" }), "second wide") : null),
-        painting.proposed ? null : byWord, left > 0 ? leavingOut(left) : null, changing(state), turns(state));
-    } else if (painting.held && !["stopped", "failed", "finished"].includes(painting.status)) {
-      show(element, remark, painting.making ? words.making(painting) : h("p", {}, "It does what you asked for. Then it waits for you."));
+          button(wishes.region ? "Protect another part" : "Protect a part", () => protecting(state), "second wide", "m"),
+          wishes.region ? button("Remove the protection", () => say({ kind: "free" }), "second wide") : null),
+        wishes.proposed ? null : byWord, left > 0 ? leavingOut(left) : null, changing(state), turns(state));
+    } else if (wishes.paused && !["stopped", "failed", "finished"].includes(painting.status)) {
+      show(element, remark, wishes.request.kind === "propose" ? words.making(painting) : h("p", {}, "It does what you asked for. Then it waits for you."));
     } else if (["painting", "drying", "planning", "mixing"].includes(painting.status)) {
       show(element, remark, mainAction(pausing()), turns(state));
     } else {

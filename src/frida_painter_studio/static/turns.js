@@ -8,19 +8,19 @@ const WAYS = {
 };
 const OWN_KEEP = ["fill", "side"]; // they say themselves which part of the canvas is painted
 
-/** What is agreed on, in a sentence. @param {{ turns: number, game: Game }} painting */
-export function agreed({ turns, game }) {
-  const turn = game.minutes ? `${game.minutes} min` : turns ? `${turns} strokes` : "";
+/** What is agreed on, in a sentence. @param {{ strokes: number, minutes: number }} turns */
+export function agreed({ strokes, minutes }) {
+  const turn = minutes ? `${minutes} min` : strokes ? `${strokes} strokes` : "";
   return turn ? `Turns: the robot paints ${turn}, then you paint` : "Take turns";
 }
 
 /**
  * The form. Without a goal (`together`) they always take turns, and it is chosen how many strokes an answer has.
- * @param {House} house @param {PaintState} painting @param {(command: Command) => Promise<any>} say @param {boolean} together
+ * @param {House} house @param {Turns} turns @param {(command: Command) => Promise<any>} say @param {boolean} together
  */
-export function turnForm(house, painting, say, together = false) {
-  const on = painting.turns > 0 || painting.game.minutes > 0;
-  const wanted = { count: painting.turns || 5, minutes: painting.game.minutes || 2, by: painting.game.minutes ? "minutes" : "strokes", policy: painting.game.policy, keep: painting.game.keep };
+export function turnForm(house, turns, say, together = false) {
+  const on = turns.strokes > 0 || turns.minutes > 0;
+  const wanted = { count: turns.strokes || 5, minutes: turns.minutes || 2, by: turns.minutes ? "minutes" : "strokes", policy: turns.policy, keep: turns.keep };
   const strokes = slider({ label: "The robot paints", min: 1, max: 50, value: wanted.count, words: (value) => `${value} strokes, then you`, oninput: (value) => { wanted.count = value; } });
   const minutes = slider({ label: "The robot paints", min: 1, max: 30, value: wanted.minutes, words: (value) => `${value} min, then you`, oninput: (value) => { wanted.minutes = value; } });
   const way = h("select", { onchange: () => { wanted.policy = way.value; keep.hidden = OWN_KEEP.includes(way.value); } },
@@ -41,9 +41,9 @@ export function turnForm(house, painting, say, together = false) {
   const button = (label, work) => h("button", { type: "button", class: "button second", onclick: work }, label);
   if (together) {
     return h("details", {}, h("summary", {}, "How the robot answers"), h("label", { class: "field" }, h("span", {}, "The robot's answer to what you paint"), way), keep, strokes,
-      h("p", { class: "pair" }, button("Answer so", () => order(wanted.count, 0)), painting.turns ? button("As many strokes as I painted", () => order(0, 0)) : null));
+      h("p", { class: "pair" }, button("Answer so", () => order(wanted.count, 0)), turns.strokes ? button("As many strokes as I painted", () => order(0, 0)) : null));
   }
-  return h("details", {}, h("summary", {}, agreed(painting)),
+  return h("details", {}, h("summary", {}, agreed(turns)),
     h("label", { class: "field" }, h("span", {}, "The robot's answer to what you paint"), way), keep, by, strokes, minutes,
     h("p", { class: "pair" }, button(on ? "Change" : "Take turns", take), on ? button("Stop taking turns", () => order(0, 0)) : button("Answer so, without turns", () => order(0, 0))));
 }

@@ -35,14 +35,15 @@ test("a slider stands at the nearest step, and a choice holds if all that it set
 
 test("the sentence about a look says what it was for and does not claim that nothing changed", () => {
   const whys = ["region", "only", "freed", "goal", "asked", ""];
-  const sentences = whys.map((why) => outcome({ why, gain: 0 }));
+  const look = (/** @type {string} */ why, /** @type {number} */ gain) => ({ why, planned: { done: 1, strokes: 1, loss_before: 1, loss_after: 1 - gain, look: "plan.jpg", shown: /** @type {any} */ ({}) } });
+  const sentences = whys.map((why) => outcome(look(why, 0)));
   assert.equal(new Set(sentences).size, whys.length);
   for (const sentence of sentences) assert.match(sentence, /replanned/);
-  assert.match(outcome({ why: "region", gain: -0.4 }), /protected part.*40 % farther from the goal.*left out/);
-  assert.match(outcome({ why: "", gain: 0.31 }), /31 % closer to the goal/);
-  assert.match(outcome({ why: "goal", gain: 0.1 }), /closer to the new goal/);
-  assert.doesNotMatch(outcome({ why: "", gain: -0.2 }), /left out/);
-  assert.equal(outcome({ why: "asked" }), "", "nothing is said before it is known");
+  assert.match(outcome(look("region", -0.4)), /protected part.*40 % farther from the goal.*left out/);
+  assert.match(outcome(look("", 0.31)), /31 % closer to the goal/);
+  assert.match(outcome(look("goal", 0.1)), /closer to the new goal/);
+  assert.doesNotMatch(outcome(look("", -0.2)), /left out/);
+  assert.equal(outcome({ why: "asked", planned: null }), "", "nothing is said before it is known");
 });
 
 const PACE = { loading: 4, planning: 0.1, opening: 10, painting: 0.5, replanning: 0.02, known: false };
@@ -79,20 +80,20 @@ test("the slider fades from one layer to the next", () => {
 
 test("the brush is clean in a pause and says what it carries else", () => {
   const palette = [{ number: 1 }, { number: 2 }];
-  assert.equal(brushWords({ status: "paused", paint: 1, since_dip: 3 }, palette), "clean");
-  assert.equal(brushWords({ status: "painting", paint: null }, palette), "no paint yet");
-  assert.equal(brushWords({ status: "painting", brush: "fine", paint: 1, since_dip: 0 }, palette), "fine, paint 2, just dipped");
-  assert.equal(brushWords({ status: "painting", paint: 1, since_dip: 0 }, palette), "paint 2, just dipped");
-  assert.equal(brushWords({ status: "painting", paint: 0, since_dip: 1 }, palette), "paint 1, 1 stroke since the dip");
+  assert.equal(brushWords({ status: "paused", brush: { name: "", paint: 1, since_dip: 3 } }, palette), "clean");
+  assert.equal(brushWords({ status: "painting", brush: { name: "", paint: null } }, palette), "no paint yet");
+  assert.equal(brushWords({ status: "painting", brush: { name: "fine", paint: 1, since_dip: 0 } }, palette), "fine, paint 2, just dipped");
+  assert.equal(brushWords({ status: "painting", brush: { name: "", paint: 1, since_dip: 0 } }, palette), "paint 2, just dipped");
+  assert.equal(brushWords({ status: "painting", brush: { name: "", paint: 0, since_dip: 1 } }, palette), "paint 1, 1 stroke since the dip");
 });
 
 test("a person is needed for questions, pauses, faults, plans and what is done, each once", () => {
-  const state = (more, painting = null) => ({ working: true, trouble: "", question: null, plans: [], painting, ...more });
+  const state = (more, painting = null) => ({ working: true, trouble: "", question: null, plans: [], painting: painting && { progress: { painted: 0 }, wishes: { pause: null }, ...painting }, ...more });
   const needs = [
     state({ question: { id: "q1", text: "Yes?" } }, { status: "painting" }),
     state({ question: { id: "q2", text: "Yes?" } }, { status: "painting" }),
-    state({}, { status: "paused", done: 3, cause: "turn" }),
-    state({}, { status: "paused", done: 6, cause: "turn" }),
+    state({}, { status: "paused", progress: { painted: 3 }, wishes: { pause: { cause: "turn" } } }),
+    state({}, { status: "paused", progress: { painted: 6 }, wishes: { pause: { cause: "turn" } } }),
     state({ working: false, trouble: "The camera is gone." }, { status: "failed" }),
     state({ working: false }, { status: "finished" }),
     state({ working: false, plans: [{ status: "ready" }] }),
