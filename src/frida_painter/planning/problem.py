@@ -112,8 +112,9 @@ class PlanningProblem:
 
     @property
     def unrest(self) -> Tensor | None:
-        """Unrest of the canvas (`StrokeWishes`), on the rendered rows."""
-        return None if self.wishes.unrest is None else self.rows.of(self.wishes.unrest)
+        """Unrest of the canvas (`StrokeWishes`), on the rendered rows; None if marks have no variance either."""
+        given = self.wishes.unrest
+        return None if given is None or self.spread.share == 0 else self.rows.of(given)
 
     @property
     def spread(self) -> CoverageSpread:
@@ -123,7 +124,7 @@ class PlanningProblem:
     def expected_loss(self, strokes: Strokes, objective: CanvasLoss | None = None) -> Tensor:
         """Returns the expected loss over paintings of the strokes, by default for the objective of the scene."""
         judge = objective or self.objective
-        if self.spread.share == 0 and self.unrest is None:
+        if self.spread.share == 0:
             return judge(self.render(strokes))
         return judge(*self.moments(strokes))
 

@@ -260,7 +260,7 @@ def render_moments(
     rows: rows to render, as in `render`
     variance: variance of the canvas on these rows; None for zero
     """
-    if spread.share == 0 and variance is None:
+    if spread.share == 0:
         picture = render(strokes, stroke_model, canvas, size, rows)
         return Moments(picture, torch.zeros_like(picture[0]))
     marks = marks_of(strokes, stroke_model, PixelGrid(size, *canvas.shape[1:]), rows)
