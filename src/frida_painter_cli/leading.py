@@ -97,7 +97,6 @@ class Leader:
                 leads.ask = self._answer
             else:
                 run.controls = replace(run.controls, answer=leads.ask, paint_on=leads.paint_on, repaint=leads.repaint)
-                run.finish = partial(_add_results, run)
             if self._proposer is not None:
                 run.listeners.append(self._proposer.hear)
             return
@@ -266,12 +265,8 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None, l
         if stop.asked:
             raise Interrupted("You stopped before there was a plan; nothing was painted.")
 
-    def say_wait(sentence: str) -> None:
-        print(sentence, file=sys.stderr)
-        if led is not None:
-            led.feed.say(sentence)
-
-    run.heed, run.tell = heed, say_wait
+    attend(run, led)
+    run.heed = heed
     if led is not None:
         led.stop.then(stop.stop_now)
     encoders = run.planner.encoders
@@ -285,6 +280,19 @@ def ready_planner(run: PaintingRun, stop: StopSignal, out: Path | None = None, l
         took = count_of(max(1, round(seconds / 60)), "minute")
         print(f"A plan with this network takes about {took}, longer if this machine is busy.", file=sys.stderr)
     return seconds
+
+
+def attend(run: PaintingRun, led: Any) -> None:
+    """Has the run tell its waits here and at the page of who leads it, if any, and add the results of such a page."""
+
+    def say_wait(sentence: str) -> None:
+        print(sentence, file=sys.stderr)
+        if led is not None:
+            led.feed.say(sentence)
+
+    run.tell = say_wait
+    if led is not None:
+        run.finish = partial(_add_results, run)
 
 
 def say_films(spec: RunSpec) -> None:

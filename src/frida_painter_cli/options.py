@@ -195,12 +195,7 @@ Photo = Annotated[
 ]
 SettingsFile = Annotated[
     Path | None,
-    taking(
-        "FILE",
-        "A TOML or JSON file with these settings, for example: strokes = 300",
-        "--settings",
-        rich_help_panel=_FILES,
-    ),
+    taking("FILE", "A TOML file with these settings, for example: strokes = 300", "--settings", rich_help_panel=_FILES),
 ]
 PageOption = Annotated[
     Path | None,

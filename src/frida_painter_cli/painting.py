@@ -11,7 +11,7 @@ import typer
 
 from frida_painter import registry
 from frida_painter.easel.parent import EaselProcess
-from frida_painter.errors import ConfigError
+from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.runs.options import PaceOption, taking, whole_number_within, with_fields
 from frida_painter.runs.spec import OF_PAINTINGS
 from frida_painter_cli.imagining import imagine_beginning
@@ -54,9 +54,7 @@ Candidates = Annotated[
 ]
 GivenPlan = Annotated[
     Path | None,
-    typer.Option(
-        "--plan", metavar="FILE", help="A plan.json of this goal and these settings, painted instead of a new plan."
-    ),
+    taking("FILE", "A plan.json of this goal and these settings, painted instead of a new plan.", "--plan"),
 ]
 
 
@@ -110,6 +108,8 @@ def paint(
             say_films(run.spec)
             run.load_easel(process)
             ready_planner(run, stop, given["out"], led=led)
+            if chosen is not None:
+                run.require_fitting(chosen)
             _open_easel(run, stop, led, answer_early(run) if asked and led is None else None)
             with Leader(
                 run, stop, asked=asked, asks_for_paints=ask, started=started, propose=propose, led=led
@@ -153,7 +153,6 @@ def plan(*, photo: Photo = None, **given: Any) -> None:
     spec, out = imagine_beginning(spec_of(photo, given), given, asked=True, paints=False), given["out"]
     from rich.console import Console
 
-    from frida_painter.errors import Interrupted
     from frida_painter.planning.mixable import mixing_changes
     from frida_painter.planning.optimize import Step
     from frida_painter.report.sheets import palette_sheet, sheet_file
@@ -209,8 +208,7 @@ def render(
     loaded = Plan.load(plan)
     picture = render_plan(loaded, height)
     images.save(picture, out)
-    rows, columns = picture.shape[1:]
-    print(f"{len(loaded)} strokes at {columns} x {rows} pixels: {out}", file=sys.stdout)
+    print(f"{len(loaded)} strokes at {picture.shape[2]} x {picture.shape[1]} pixels: {out}", file=sys.stdout)
 
 
 # Command that continues a painting that broke off, was stopped or has paused.
@@ -244,13 +242,11 @@ def resume(
     """
     started = time.monotonic()
     with _lead_at(page, "resume") as led, ExitStack() as stack:
-        from frida_painter.errors import Interrupted
         from frida_painter.runs.painting_folder import NOW, are_there, history_of
         from frida_painter.runs.run import PaintingRun
         from frida_painter.session.events import SessionResumed
         from frida_painter.system.devices import prepare_process
-        from frida_painter_cli.leading import Leader, answer_early, confirm, ready_planner, say, tell
-        from frida_painter_cli.options import require_person
+        from frida_painter_cli.leading import Leader, answer_early, attend, confirm, ready_planner, say, tell
         from frida_painter_cli.stop_signal import stop_on_signals
 
         painted = (history := history_of(folder)).progress.painted
@@ -261,6 +257,7 @@ def resume(
         changed, other = accept_changes, led is None
         run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=changed, pace=pace, forget_stop=other))
         if history.end.finished:
+            attend(run, led)
             say(f"This painting is finished: {painted} strokes. Its page and pictures are made again.")
             tell(run.resume(), painted, history.sittings.seconds, watched=run.spec.has_camera or history.is_pictured)
             return
@@ -276,8 +273,7 @@ def resume(
         leader = stack.enter_context(
             Leader(run, stop, asked=not yes, repaint=repaint, started=started, propose=propose, led=led)
         )
-        found = "as it was found" if run.spec.has_camera else "as it should be"
-        at = f"The canvas {found}: {run.folder / NOW}"
+        at = f"The canvas as it {'was found' if run.spec.has_camera else 'should be'}: {run.folder / NOW}"
         run.listeners.append(lambda event: say(at) if isinstance(event, SessionResumed) else None)
         outcome = run.resume()
         stack.close()

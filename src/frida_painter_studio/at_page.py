@@ -20,7 +20,7 @@ from typing import Self
 
 from frida_painter import registry
 from frida_painter.easel.kinds import JOURNAL, STOP_FILE
-from frida_painter.errors import FridaError, Interrupted, PaintingPaused, RobotStopped, StorageError
+from frida_painter.errors import ConfigError, FridaError, Interrupted, PaintingPaused, RobotStopped, StorageError
 from frida_painter.session.events import Advanced, Event, ResultFound, Stopped, record
 from frida_painter.system import locks, storage
 from frida_painter.system.event_log import FEED, EventLog
@@ -205,7 +205,13 @@ class PageLead:
         """Yields the lead in the studio's folder of a painting; the page hears how the block ends, as in `telling_end`.
 
         job: "paint" or "resume".
+        Raises ConfigError if there is no such folder.
         """
+        if not entry.is_dir():
+            raise ConfigError(
+                f"--page was given {storage.abridge(entry)}, and there is no such folder; give the studio's folder of "
+                "this painting, or leave --page out."
+            )
         feed, stop = Feed(entry), StopWatch(entry / STOP_FILE, entry.parent, job)
         with telling_end(feed, stop, paints=True):
             yield cls(feed, stop, time.time())

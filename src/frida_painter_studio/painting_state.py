@@ -195,8 +195,6 @@ class PaintingPage:
         self.painting.hear(event, at)
         if isinstance(event, events.Advanced):
             self.said = event.words
-        elif isinstance(event, events.ResultFound) and not self.job:
-            self.trouble = ""  # of a job that was refused
         if at is not None:
             self.times.hear(event, at)
 
@@ -222,7 +220,8 @@ class PaintingPage:
 
     def status(self, truth: Truth) -> Status:
         """Returns the status of the painting: the only place where it is decided."""
-        stage, trouble = self._find_stage(truth), self._end[1]
+        refused = not self.job and not truth.working  # by a process that has ended since
+        stage, trouble = self._find_stage(truth), "" if refused else self._end[1]
         if not trouble and self._is_taken_up:
             trouble = plain(self.painting.end.trouble, self.place)
         resumable = stage in ("stopped", "failed") and truth.begun and not truth.working

@@ -12,10 +12,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.connecting import connect_easel
 from frida_painter.easel.dialogue import Answer, SetupQuestion
 from frida_painter.easel.kinds import SIMULATION_LOG, STOP_FILE
-from frida_painter.errors import (
-    ConfigError,
-    Interrupted,
-)
+from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.easel import Easel
 from frida_painter.mixing.recipe import volumes
 from frida_painter.planning.mixable import mixing_changes
@@ -29,12 +26,7 @@ from frida_painter.session.opening import adopt_camera, statuses
 from frida_painter.session.time_left import PlanTime, share_of_plan
 from frida_painter.system import event_log, images, storage
 from frida_painter.system.devices import prepare_process
-from frida_painter_calibration.calibrating import (
-    CalibrationSetup,
-    calibrate_one,
-    easel_of,
-    record_to_renew,
-)
+from frida_painter_calibration.calibrating import CalibrationSetup, calibrate_one, easel_of, record_to_renew
 from frida_painter_calibration.machine_setup import SetupEvent, lead_setup
 from frida_painter_calibration.options import SetupOrder
 from frida_painter_studio.at_page import Feed, StopWatch

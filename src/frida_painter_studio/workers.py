@@ -100,7 +100,8 @@ class WorkerSlot:
     def _words_to_paint(self, plan: PlanFolder) -> tuple[object, ...]:
         """Returns the words that paint a plan. Raises ConfigError and StorageError."""
         spec = plan.request().spec(self._easel, plan.path, self.folder.families)
-        storage.write_json(plan.settings, spec.model_dump(mode="json", exclude_unset=True))
+        exact = {"canvas": f"{spec.canvas.width!r}x{spec.canvas.height!r}m"}  # so that it is fitted as for the plan
+        storage.write_json(plan.settings, spec.model_dump(mode="json", exclude_unset=True) | exact)
         return PAINT_JOB, "--settings", plan.settings, "--plan", plan.plan, "--out", self.folder.painting
 
 

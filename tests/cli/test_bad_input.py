@@ -17,6 +17,8 @@ from PIL import Image
 from frida_painter.__main__ import main as command
 from frida_painter.errors import ConfigError, RobotStopped
 from frida_painter.hardware.workcell import example
+from frida_painter.runs.run import PaintingRun
+from frida_painter.strokes.plan import Plan
 from frida_painter.system import python_process
 from frida_painter_cli import commands
 from frida_painter_cli.stop_signal import stop_on_signals
@@ -84,6 +86,8 @@ def photo(tmp_path: Path) -> str:
         (("--palette", "odd.json"), ("paint 2: 'red' is not a colour",)),
         (("--palette", "two.json", "--colors", "3"), ("two.json has 2 paints, and 3 are wanted",)),
         (("--brush", "zero.safetensors"), ("zero.safetensors is not a plain file",)),
+        (("--settings", "own.JSON"), ("own.JSON", "it has no checksum", "your own are TOML: write lines")),
+        (("--page", "nowhere"), ("--page was given nowhere", "no such folder", "the studio's folder of this painting")),
         (("--settings", "pipe"), ("pipe is not a plain file (but a pipe)",)),
         (("--goal", "pipe"), ("pipe is not a plain file",)),
         (("--goal", "heavy.toml"), ("heavy.toml is not TOML", "400 digits")),
@@ -99,6 +103,7 @@ def test_wishes_that_cannot_be_fulfilled(
     (tmp_path / "odd.toml").write_text("stroks = 300")
     (tmp_path / "odd.json").write_text('{"paints": ["#112233", "red"]}')
     (tmp_path / "two.json").write_text('{"paints": ["#112233", "#445566"]}')
+    (tmp_path / "own.JSON").write_text('{"strokes": 300}')
     (tmp_path / "nan.toml").write_text("effort = nan")
     torch.save({"weights": torch.zeros(3)}, tmp_path / "pickle.pt")
     (tmp_path / "heavy.toml").write_text(f'[[goal]]\nimage = "photo.png"\nweight = {"9" * 400}')
@@ -164,6 +169,24 @@ def test_a_full_disk_is_told_before_anything_is_made(
 def plan(tmp_path: Path) -> Path:
     made_up_plan(12, 3).save(tmp_path / "kept" / "plan.json")
     return tmp_path / "kept" / "plan.json"
+
+
+@pytest.mark.usefixtures("in_small_world")
+@pytest.mark.parametrize(
+    "other", [("--canvas", "150x100mm"), ("--strokes", "11"), ("--brush", "fine")], ids=lambda other: other[0]
+)
+def test_a_plan_for_another_painting_is_refused_before_the_easel_opens(
+    other: tuple[str, str], refuse: Callable[..., str], photo: str, plan: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(PaintingRun, "open_easel", lambda *_, **__: pytest.fail("the easel was opened"))
+    size = Plan.load(plan).canvas
+    Image.new("RGB", (90, 60), "tan").save(photo)
+    asked = {"--canvas": f"{size.width}x{size.height}m", "--strokes": "12", "--brush": "medium"} | dict([other])
+    words = (word for one in asked.items() for word in one)
+    said = refuse("paint", photo, "--fit", "crop", "--plan", str(plan), *words)
+    of = f"on a canvas of {1000 * size.width:.1f} x {1000 * size.height:.1f} mm"
+    assert f"The plan is for 12 strokes by medium {of}, and this painting has" in said and "--plan" in said
+    assert {"--canvas": "150.0 x 100.0", "--strokes": "11 strokes", "--brush": "by fine"}[other[0]] in said
 
 
 @pytest.mark.parametrize("command", ["render", "export"])

@@ -117,6 +117,9 @@ def test_a_killed_painting_is_finished_and_its_story_is_whole(resume: Resume, pa
     assert "Strokes given up" in page and "film.mp4" in page and "look-1-photograph.jpg" in page
     status, said = resume("painting", "--yes")
     assert status == 0 and "This painting is finished: 10 strokes" in said
+    assert not (painting / "strokes.gcode").exists()
+    status, said = resume("painting", "--page", painting.parent)  # as if its painter had been killed in its results
+    assert status == 0 and "made again" in said and (painting / "strokes.gcode").exists()
 
 
 def test_in_scripts_the_stroke_in_doubt_is_painted_again_only_where_that_is_said(

@@ -36,7 +36,9 @@ def plain(
     **settings: Any,
 ) -> tuple[PlannerSettings, Materials, Effort | None]:
     """Settings, materials and effort of a planner that does one thing at a time, if these do not say otherwise."""
-    chosen = PlannerSettings.of(canvas=size, **{"layers": 1, "new_paints": False, "focus": "none", "form": 0.0, **settings})
+    chosen = PlannerSettings.of(
+        canvas=size, **{"layers": 1, "new_paints": False, "focus": "none", "form": 0.0, **settings}
+    )
     chosen = chosen.model_copy(update={"render_height": rows})  # fewer than people may have
     return chosen, replace(Materials.of(chosen, model), shares=shares), effort
 

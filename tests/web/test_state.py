@@ -169,7 +169,8 @@ STATUSES: list[tuple[list[Event], list[Event], Truth, str, bool, str]] = [
     ([*PLANNED, PAINT, FAILED], [*ENDED, SessionResumed(3)], AT_WORK, "preparing", False, ""),
     ([*PLANNED, PAINT, FAILED], [*ENDED, SessionResumed(3), STOPPED], AT_REST, "stopped", True, ""),
     ([*PLANNED, PAINT, RESUME, REFUSED], [*ENDED, SessionResumed(3), *PAINTED[1:]], AT_WORK, "painting", False, "It"),
-    ([*PLANNED, PAINT, RESUME, REFUSED], [*ENDED, SessionResumed(3), STOPPED], AT_REST, "stopped", True, "It paints"),
+    ([*PLANNED, PAINT, RESUME, REFUSED], [*ENDED, SessionResumed(3), STOPPED], AT_REST, "stopped", True, ""),
+    ([*PLANNED, PAINT, RESUME, REFUSED], [*ENDED, SessionResumed(3)], AT_REST, "failed", True, "painter's process"),
     ([*PLANNED, PAINT, RESUME, REFUSED], [*ENDED, SessionResumed(3), KEPT], AT_REST, "finished", False, ""),
 ]  # fmt: skip
 

@@ -17,6 +17,7 @@ from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.workcell import example
 from frida_painter.runs.painting_easel import order
+from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Stopped
 from frida_painter.system.messages import pack, unpack
 from frida_painter_studio import worker_process
@@ -49,6 +50,16 @@ def begin(workers: Workers, path: Path) -> PaintingFolder:
     with workers.slot_at(folder) as slot:
         slot.start("plan", folder.plan(1))
     return folder
+
+
+def test_the_settings_of_a_plan_are_read_as_they_were_asked_for(workers: Workers, tmp_path: Path) -> None:
+    folder = PaintingFolder(tmp_path / "painting")
+    for width in (99.99995, 355.6, 1000 / 7):
+        wish = PaintingRequest(together=True, width=width, height=120.0, brushes="fine")
+        plan = folder.begin_plan(wish, tmp_path)
+        with workers.slot_at(folder) as slot:
+            words = slot._words_to_paint(plan)
+        assert RunSpec.from_toml(str(words[2])).canvas == wish.size
 
 
 def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, source: str) -> None:

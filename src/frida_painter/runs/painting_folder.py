@@ -72,8 +72,6 @@ NOW = "now.png"
 """Picture of the canvas when the painting was resumed, or of a canvas that was not bare at the beginning."""
 CALIBRATION_RECORD = "calibration record"
 """Key of the calibration record in `rests_on`."""
-
-
 PAINTINGS = Path("paintings")
 """Folder of the paintings for which no folder is named."""
 

@@ -338,12 +338,31 @@ class PaintingRun:
         """Starts the easel's process, or uses one that was started before; it loads in parallel with the planner."""
         self._process = self._stack.enter_context(process or EaselProcess(self.spec.robot))
 
+    def require_fitting(self, plan: Plan) -> None:
+        """Raises ConfigError if a plan is for another canvas (by over 0.1 mm), number of strokes, or brushes."""
+        brushes, spec = self.planner.brushes, self.spec
+        size, strokes = spec.canvas, 0 if spec.together else spec.strokes
+        off = max(abs(plan.canvas.width - size.width), abs(plan.canvas.height - size.height))
+        if len(plan) == strokes and set(plan.brushes) == set(brushes) and off <= 1e-4:
+            return
+        given, wanted = (
+            f"{storage.count_of(count, 'stroke')} by {' and '.join(names)} on a canvas of "
+            f"{1000 * canvas.width:.1f} x {1000 * canvas.height:.1f} mm"
+            for canvas, count, names in ((plan.canvas, len(plan), plan.brushes), (size, strokes, brushes))
+        )
+        raise ConfigError(
+            f"The plan is for {given}, and this painting has {wanted}; give --canvas, --strokes and --brushes of the "
+            "plan and the picture that it was made for, or leave --plan out."
+        )
+
     def start(self, plan: Plan | None = None) -> RunOutcome:
         """Paints the painting: plan, paint some strokes, look, replan the rest.
 
         plan: plan with the same number of strokes, painted instead of a new one.
-        Raises an error if painting cannot begin. A later error is in the outcome, and results so far are kept.
+        Raises an error if it cannot begin, or the plan is not for it. A later one is in the outcome; results are kept.
         """
+        if plan is not None:
+            self.require_fitting(plan)
         if self._easel is None:
             self.open_easel()
         keep_goal(self.spec, self.folder)

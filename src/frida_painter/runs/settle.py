@@ -94,15 +94,11 @@ def fit_canvas(spec: RunSpec, goal: Goal, *, canvas_is_fixed: bool = False) -> F
     target = (images.pad if pads else images.fit)(picture, fine.rows, fine.columns)
     share = (picture.shape[2] / picture.shape[1]) / (spec.canvas.width / spec.canvas.height)
     lost, side = (1 - 1 / share, "width") if share > 1 else (1 - share, "height")
-    if pads or lost <= _TOLD:
-        return Fitted(spec, goal, target)
-    return Fitted(
-        spec,
-        goal,
-        target,
+    cropped = (
         f"The picture is cropped to the canvas: {100 * lost:.0f} % of its {side} is left out. "
-        "To paint all of it, give --fit pad, or a canvas in its proportions.",
+        "To paint all of it, give --fit pad, or a canvas in its proportions."
     )
+    return Fitted(spec, goal, target, "" if pads or lost <= _TOLD else cropped)
 
 
 def paints_for_recipes(spec: RunSpec) -> PaintSet:
@@ -112,9 +108,7 @@ def paints_for_recipes(spec: RunSpec) -> PaintSet:
 
 
 def open_networks(
-    spec: RunSpec,
-    tell: Callable[[str], None] = lambda sentence: None,
-    heed: Callable[[], None] = lambda: None,
+    spec: RunSpec, tell: Callable[[str], None] = lambda sentence: None, heed: Callable[[], None] = lambda: None
 ) -> EncoderRegistry:
     """Returns the networks that judge the goal of a description; each is loaded when it is needed.
 
@@ -229,9 +223,7 @@ def name_families(spec: RunSpec) -> RunSpec:
 
 
 def settle(
-    made: Fitted,
-    encoders: EncoderRegistry | None = None,
-    brushes: AnyBrush | Sequence[AnyBrush] | None = None,
+    made: Fitted, encoders: EncoderRegistry | None = None, brushes: AnyBrush | Sequence[AnyBrush] | None = None
 ) -> tuple[RunSpec, Planner, str]:
     """Chooses an open ground by quick plans; returns the description with brushes and ground, and its planner.
 
@@ -294,9 +286,6 @@ def make_planner(
 def _describe_terms(terms: Sequence[Term]) -> list[dict[str, object]]:
     """Returns terms in the form of a description, without pictures; the defaults depend only on their kinds."""
     names = {term.target: name for name, term in OF_PICTURES.items()}
-    places = [f"{type(term).__module__}:{type(term).__name__}" for term in terms]
-    kinds = [
-        (term, names.get(place, None if term.words is None else "text"))
-        for term, place in zip(terms, places, strict=True)
-    ]
+    usual = [(term, None if term.words is None else "text") for term in terms]
+    kinds = [(term, names.get(f"{type(term).__module__}:{type(term).__name__}", kind)) for term, kind in usual]
     return [{kind: term.words or "given as a picture"} for term, kind in kinds if kind is not None]

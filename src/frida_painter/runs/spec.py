@@ -284,15 +284,9 @@ class RunSpec(PaintingSettings, MachineSettings, PlannerSettings, GoalSettings):
                 "--on-canvas was given, and the canvas of the virtual studio is bare; leave it out, or give a picture "
                 "of what is on the canvas: --studio-canvas FILE"
             )
-        if self.simulated:
-            said: dict[str, object] = {"--camera": self.has_camera and self.camera, "--workspace": self.workspace}
-        else:
-            said = {
-                "--pace": self.pace,
-                "--placement-error": self.placement_error,
-                "--studio-canvas": self.studio_canvas,
-            }
-        named = [option for option, value in said.items() if value]
+        names = ("camera", "workspace") if self.simulated else ("pace", "placement_error", "studio_canvas")
+        given = [name for name in names if getattr(self, name) and (name != "camera" or self.has_camera)]
+        named = [f"--{name.replace('_', '-')}" for name in given]
         if named:
             whose, is_a = ("real", "simulated") if self.simulated else ("simulated", "real")
             verb, them = ("is", "it") if len(named) == 1 else ("are", "them")
@@ -335,14 +329,14 @@ class RunSpec(PaintingSettings, MachineSettings, PlannerSettings, GoalSettings):
 
     @classmethod
     def from_toml(cls, path: str | Path, **overrides: "Unpack[Settings]") -> Self:
-        """Reads a description from a TOML or JSON file, with `overrides`; its file names are relative to it.
+        """Reads a description from TOML, or from JSON of the studio, with `overrides`; file names are relative to it.
 
         Raises ConfigError.
         """
         path = Path(path)
         example = "write lines such as: strokes = 300"
-        if path.suffix == ".json":
-            values = storage.read_json(path, "a settings file")
+        if path.suffix.lower() == ".json":
+            values = storage.read_json(path, f"settings of the studio (your own are TOML: {example})", ConfigError)
         else:
             values = storage.read_toml(path, "a settings file (TOML)", _MAX_SPEC_BYTES, example)
         for name in (*FILES, "paints"):
