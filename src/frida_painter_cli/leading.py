@@ -68,7 +68,7 @@ class Leader:
         propose: str | None = None,
         led: Any = None,
     ) -> None:
-        ask = partial(ask_at_terminal, stop_asked=lambda: stop.asked)
+        ask = partial(ask_at_terminal, stop_asked=self._is_stopped)
         self._proposer = None if propose is None else _open_proposer(run, propose, ask)
         self._conductor: Any = None  # of the people at a page, once there is one
         self._held = False  # in a pause: by the pause file
@@ -94,7 +94,7 @@ class Leader:
         if led is not None or self._proposer is not None:
             leads: Any = self._lead_from_page(time.time() if led is None else led.began)
             if led is None:
-                leads.ask = self._answer
+                leads.ask, leads.asks_here = self._answer, sys.stdin.isatty()
             else:
                 run.controls = replace(run.controls, answer=leads.ask, paint_on=leads.paint_on, repaint=leads.repaint)
             if self._proposer is not None:

@@ -66,7 +66,7 @@ class TaskLimits:
 
 @dataclass(frozen=True)
 class Ended:
-    """Ended share, with the error of the last try if all have failed."""
+    """Ended share, with the error of the last try if all have failed, or the unexpected one that ended it."""
 
     task: Share
     error: Exception | None = None
@@ -136,7 +136,12 @@ class Engine:
             with suppress(queue.Empty):
                 while not worker.is_over:
                     task = rest.get_nowait()
-                    done.put(Ended(task, worker.find_error(task)))
+                    try:
+                        error = worker.find_error(task)
+                    except Exception as unexpected:  # without an end, its task would be awaited for ever
+                        worker.bury()  # half an answer may wait in its link
+                        error = unexpected
+                    done.put(Ended(task, error))
 
         threads = [threading.Thread(target=serve, args=(worker,), daemon=True) for worker in workers]
         for thread in threads:

@@ -21,7 +21,7 @@ import numpy as np
 from torch import Tensor
 
 from frida_painter.brush.library import StrokeLibrary
-from frida_painter.errors import StorageError, TryFailed, WorkerUnfit
+from frida_painter.errors import ConfigError, StorageError, TryFailed, WorkerUnfit
 from frida_painter.system import images, storage
 from frida_painter_lab.engine import Engine, Share, TaskLimits, slots_here
 from frida_painter_lab.runs import Labels, Run, RunFolder, Value
@@ -30,6 +30,10 @@ from frida_painter_lab.targets import Target
 Row = Mapping[str, Value]
 AnyRun = TypeVar("AnyRun", bound=Run)
 _REQUEST, _LIBRARY = "request.json", "library.npz"
+_NO_IMPORT = (
+    "Other processes cannot import {!r} from {!r}; put the class at the top of a module of an installed package or of "
+    "a folder in PYTHONPATH, or call run(folder), which needs no other process."
+)
 _LIMITS = TaskLimits(seconds=6 * 3600.0, threads=1, memory=1500, tries=2)
 
 
@@ -129,14 +133,10 @@ class Outcome:
             for table in self.tables
         ]
         record = {
-            "format": "frida-painter experiment",
-            "experiment": self.name,
-            "title": self.title,
-            "settings": dict(self.settings),
-            "notes": list(self.notes),
-            "tables": tables,
+            "format": "frida-painter experiment", "experiment": self.name, "title": self.title,
+            "settings": dict(self.settings), "notes": list(self.notes), "tables": tables,
             "pictures": [f"{name}.png" for name in self.pictures],
-        }
+        }  # fmt: skip
         storage.write_text(folder / "table.md", self.markdown())
         storage.write_json(folder / "table.json", record)
 
@@ -275,11 +275,13 @@ class Experiment(ABC):
         keep: folder of finished runs
         jobs: greatest number of runs at once; None for no limit
 
-        Raises TryFailed if runs failed, after all others are measured.
+        Raises ConfigError if its class stands in a script, TryFailed if runs failed, after all others are measured.
         """
         shares = self.shares(keep)
         slots = min(slots_here(_LIMITS, jobs), len(shares))
         if slots > 1:
+            if type(self).__module__ == "__main__":
+                raise ConfigError(_NO_IMPORT.format(type(self).__name__, "__main__"))
             self.keep_request(keep)
             failures = do_shares(measure_share, shares, keep, _LIMITS, slots, len(self.all_runs), notify)
             if failures:
@@ -321,15 +323,8 @@ class Experiment(ABC):
         place, pictures = RunFolder(keep, run.key), measured.pictures
         for name in pictures:
             images.save(pictures[name], place.path / f"{name}.png")
-        place.keep(
-            {
-                "key": run.key,
-                "labels": dict(run.labels),
-                "numbers": dict(measured.numbers),
-                "pictures": list(pictures),
-                "remarks": list(measured.remarks),
-            }
-        )
+        record = {"key": run.key, "labels": dict(run.labels), "numbers": dict(measured.numbers)}
+        place.keep(record | {"pictures": list(pictures), "remarks": list(measured.remarks)})
 
     def collect_results(self, keep: Path) -> Results:
         """Returns the measurements of the runs that are done."""
@@ -362,7 +357,10 @@ def find_runs(runs: Iterable[AnyRun], keys: Sequence[str]) -> tuple[AnyRun, ...]
 def _read_request(keep: str) -> Experiment:
     told = storage.read_json(Path(keep) / _REQUEST, "the request of an experiment")
     module, _, name = told["experiment"].partition(":")
-    kind: type[Experiment] = getattr(import_module(module), name)
+    try:
+        kind: type[Experiment] = getattr(import_module(module), name)
+    except (AttributeError, ModuleNotFoundError) as cause:
+        raise WorkerUnfit(_NO_IMPORT.format(name[:40], module[:40])) from cause
     if not issubclass(kind, Experiment):
         raise WorkerUnfit(f"{keep} asks for {name[:40]!r}, which is no experiment.")
     return kind(**{name: _value(plain) for name, plain in told["options"].items()})
@@ -395,14 +393,9 @@ _KINDS: Mapping[str, Callable[[Any], Any]] = {
 
 
 def do_shares(
-    work: Callable[[Share], object],
-    shares: Sequence[Share],
-    keep: Path,
-    limits: TaskLimits,
-    slots: int,
-    total: int,
+    work: Callable[[Share], object], shares: Sequence[Share], keep: Path, limits: TaskLimits, slots: int, total: int,
     notify: Notify,
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, dict[str, Any]]:  # fmt: skip
     """Does the shares in other processes, and returns why runs failed, by key; a failure stops no other run.
 
     keep: folder of finished runs, which takes the failures too

@@ -30,7 +30,7 @@ from frida_painter_studio.state import MAX_TOPICS, EventStream
 from frida_painter_studio.store import Entry
 from frida_painter_studio.studio_folder import PaintingRequest, working
 from frida_painter_studio.web_studio import Studio
-from frida_painter_together.commands import Command, Role
+from frida_painter_together.commands import PageCommand, Role
 from frida_painter_together.inbox import Reply
 
 # Files that are sent.
@@ -379,7 +379,7 @@ def painting_routes(studio: Studio) -> APIRouter:
         return {"id": entry.id}
 
     @router.post(f"{one}/say")
-    def say(command: Command, entry: Entry = this, by: Session = leader) -> dict[str, str]:
+    def say(command: PageCommand, entry: Entry = this, by: Session = leader) -> dict[str, str]:
         studio.say(entry, command, by)
         return {"id": entry.id}
 

@@ -30,7 +30,7 @@ from frida_painter_studio.studio_folder import PaintingFolder, PaintingRequest, 
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.workers import QUEUE, PaintingQueue, Workers, start_painting
 from frida_painter_together import commands
-from frida_painter_together.commands import Command, Role
+from frida_painter_together.commands import PageCommand, Role
 from frida_painter_together.inbox import FOLLOWED, KeptRequest, Reply, send
 
 _GALLERY_EVERY = 1.0  # seconds
@@ -313,7 +313,7 @@ class Studio:
             studio_folder.tell_once(folder, Began("resume", plan=plan, detail={"sittings": sittings}))
             slot.start("resume", folder.plan(plan))
 
-    def say(self, entry: Entry, command: Command, by: Session) -> None:
+    def say(self, entry: Entry, command: PageCommand, by: Session) -> None:
         """Sends a command to the painter of a running painting."""
         if not (entry.folder.painting.is_dir() and working(entry.folder)):
             raise Interrupted("Nothing is being painted here at the moment.")

@@ -204,7 +204,7 @@ class Propose(_Command):
 
 @dataclass(frozen=True)
 class ChoosePicture(_Command):
-    """Command to paint towards a proposed picture, by its file in the painting's folder."""
+    """Command of the terminal, which no page has, to paint towards a proposed picture by its file in the folder."""
 
     file: Annotated[str, Field(strict=True, max_length=400, pattern=r"^changes/\d{1,6}/[^/\x00-\x1f]+\.png$")]
     kind: Literal["choose"] = "choose"
@@ -255,12 +255,11 @@ class PaintStroke(_Command):
     kind: Literal["paint"] = "paint"
 
 
-Command = Annotated[
-    Simple | LeaveOut | TakeTurns | Protect | GivePicture | ChangeGoal | Propose | ChoosePicture | PaintStroke,
+PageCommand = Annotated[
+    Simple | LeaveOut | TakeTurns | Protect | GivePicture | ChangeGoal | Propose | PaintStroke,
     Field(discriminator="kind"),
 ]
-
-
+Command = PageCommand | ChoosePicture
 _COMMAND: TypeAdapter[Command] = TypeAdapter(Command)
 
 

@@ -1,6 +1,5 @@
 """Conductor of a painting: does what people command, between two strokes or in a pause, whoever began the painting."""
 
-import contextlib
 import secrets
 import threading
 import time
@@ -53,8 +52,7 @@ if TYPE_CHECKING:
 
 _BETWEEN_GLANCES = 0.04
 _YOURS_STAYS = (
-    "What you painted stays as it is in all of them. If it may be painted over, press Remove the protection, then ask "
-    "again."
+    "What you painted stays in all of them. To allow paint over it, press Remove the protection, then ask again."
 )
 _MAX_WAITING = 200  # commands that wait to be done
 
@@ -72,6 +70,7 @@ class Conductor:
     ask: asks a question on the page and returns the answer.
     elsewhere: asked in a pause; returns True if a person lets the painting go on in another way than by the inbox,
     False if a person ends it, else None.
+    asks_here: True if `ask` asks the person who gives the commands of `do`.
 
     A command is in the journal before the page hears that it is being done, or its result is.
     """
@@ -84,6 +83,8 @@ class Conductor:
     look_at: Callable[[Path], None] = lambda picture: None
     ask: Callable[[SetupQuestion], Answer] = lambda question: False
     elsewhere: Callable[[events.Paused], bool | None] = lambda paused: None
+    asks_here: bool = False
+    _own: Command | None = field(default=None, init=False)  # last one of `do` or `owe`
     _commands: deque[Command] = field(default_factory=deque, init=False)
     _since_time: float = field(default=0.0, init=False)  # of the robot's current turn, monotonic seconds
     _answer: str = field(default="", init=False)  # sentence about the answer to the person's turn
@@ -96,7 +97,7 @@ class Conductor:
 
         def listen() -> None:
             while True:
-                with contextlib.suppress(FridaError, OSError):  # the next look may succeed
+                with suppress(FridaError, OSError):  # the next look may succeed
                     for each in inbox.listen():
                         if each.command is not None and len(self._commands) < _MAX_WAITING:
                             self._commands.append(each.command)
@@ -157,6 +158,7 @@ class Conductor:
 
     def do(self, command: Command) -> None:
         """Takes a command of somebody who needs no inbox."""
+        self._own = command
         self._commands.append(command)
 
     def owe(self, request: dict[str, Any], proposed: events.MadePictures | None) -> None:
@@ -165,8 +167,10 @@ class Conductor:
         If pictures were proposed, or are to be, the painting then waits until the person chooses one or goes on.
         """
         command = command_of(request)
+        if isinstance(command, commands.ChoosePicture) and proposed is None:
+            command = commands.LOOK  # the goal is there already, and only its plan is not
         if command is not None:
-            self._commands.append(command)
+            self.do(command)
             if command != commands.FINISH and not isinstance(command, commands.Propose):
                 self._commands.append(commands.GO_ON)
         self._owes = command is not None or proposed is not None
@@ -373,7 +377,7 @@ class Conductor:
             case commands.Propose():
                 self._propose(command)
             case commands.ChoosePicture(file):
-                choose(session, self.folder, self.folder / file)
+                choose(session, self.folder, file)
             case commands.TakeTurns():
                 self._take_turns(command)
             case _:
@@ -390,7 +394,10 @@ class Conductor:
         session, order = self._session, MakingOrder.load(self.folder)
         require_goal(session)
         require_canvas_maker(order.maker)
-        own = session.person.find_own_paint()
+        own, asks = session.person.find_own_paint(), self.asks_here and command is self._own
+        if own is not None and asks:
+            share = f"{max(1, round(100 * own.mean()))} % of the canvas"
+            own = own if self.ask(Confirm(f"You painted about {share}. Shall it stay as it is?")) is True else None
         if own is not None:
             forbid(session, self.folder, union_of(session.planner.region, own))
         making = propose(
@@ -401,7 +408,7 @@ class Conductor:
         shown = show_pictures(making, self.folder / LIVE, secrets.token_hex(12))
         made = record_making(without_folders(making), order.label, self.folder, shown)
         session.note(events.CommandDone(made))
-        if own is not None:
+        if own is not None and not asks:
             self._remark(_YOURS_STAYS)
 
     def _take_turns(self, command: commands.TakeTurns) -> None:

@@ -17,7 +17,7 @@ from frida_painter.easel.kinds import INBOX, LIVE
 from frida_painter.errors import ConfigError, Interrupted, StorageError
 from frida_painter.system import storage
 from frida_painter.system.event_log import FEED, EventLog, LogReader
-from frida_painter_together.commands import Command
+from frida_painter_together.commands import PageCommand
 
 FOLLOWED = "followed"
 """File that the page's process renews every few seconds while a page follows the work in its folder."""
@@ -183,7 +183,7 @@ class Message(BaseModel):
 
     nonce: str = Field(strict=True, min_length=16, max_length=64)
     until: float = Field(strict=True, allow_inf_nan=False)
-    command: Command | None = None
+    command: PageCommand | None = None
     reply: Reply | None = None
 
     @model_validator(mode="after")
@@ -193,7 +193,7 @@ class Message(BaseModel):
         return self
 
 
-def send(folder: Path, said: Command | Reply) -> None:
+def send(folder: Path, said: PageCommand | Reply) -> None:
     """Writes a command or an answer into the inbox of a folder. Raises StorageError."""
     what = {"reply": said} if isinstance(said, Reply) else {"command": said}
     message = Message.model_validate({"nonce": secrets.token_hex(16), "until": time.time() + LEAD_GOOD_FOR, **what})

@@ -78,13 +78,7 @@ class PlanPictures:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        bare: Tensor,
-        models: Mapping[str, StrokeModel],
-        size: CanvasSize,
-        *,
-        in_turns: bool = False,
+        self, folder: Path, bare: Tensor, models: Mapping[str, StrokeModel], size: CanvasSize, *, in_turns: bool = False
     ) -> None:
         self._folder, self._models, self._size, self._in_turns = folder, models, size, in_turns
         self._canvas = bare

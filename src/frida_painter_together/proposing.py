@@ -34,7 +34,7 @@ from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter.system import images, storage
 from frida_painter_cli.options import read_line
-from frida_painter_together.commands import ChoosePicture, Command, Propose
+from frida_painter_together.commands import ChoosePicture, Command, Propose, command_of
 from frida_painter_together.inbox import MakingOrder
 from frida_painter_words.picture_makers.making import (
     USUAL_MINUTES,
@@ -125,20 +125,18 @@ def plain_fact(fact: str) -> str:
     return " ".join(Path(word).name if word.lstrip("'\"").startswith("/") else word for word in words)
 
 
-def choose(session: PaintingSession, folder: Path, picture: Path) -> None:
-    """Has the painting in `folder` pursue a proposed picture. Raises as `pursue` does."""
+def choose(session: PaintingSession, folder: Path, file: str) -> None:
+    """Has the painting in `folder` pursue a picture; raises as `pursue` does, ConfigError if it is not proposed."""
+    made, picture = session.journal.state.wishes.proposed, folder / file
+    if made is None or file not in [one["file"] for one in made.pictures]:
+        raise ConfigError("This picture is not proposed any more; say again what shall change.")
     record = storage.read_json(picture.parent / MAKING, "the record of a making")
     chosen = {"chosen": picture.name, "because": "a person chose it"}
     storage.write_json(picture.parent / MAKING, record | chosen)
     pursue(session, folder, RunSpec.of(goal=[{"image": str(picture)}]), {})
 
 
-def pursue(
-    session: PaintingSession,
-    folder: Path,
-    wanted: RunSpec,
-    wish: dict[str, Any],
-) -> None:
+def pursue(session: PaintingSession, folder: Path, wanted: RunSpec, wish: dict[str, Any]) -> None:
     """Changes the goal of a painting in a pause, and replans the rest; the paints stay, because they are mixed already.
 
     folder: of the painting
@@ -196,9 +194,12 @@ class Proposer:
     """
 
     def __init__(self, run: "PaintingRun", maker: str, ask: Callable[[str], str]) -> None:
-        self._run, self._maker, self._ask = run, maker, ask
-        self._typed, self._talks = "", False
-        self._asked: MadePictures | None = None
+        self._run, self._maker, self._ask, self._name = run, maker, ask, maker.partition(":")[0]
+        self._typed, self._talks, self._ordered = "", False, ""  # ordered: words of the pictures to choose from here
+        said = run.history and run.history.wishes
+        owed = said and (command_of(said.request) or said.proposed)
+        if isinstance(owed, Propose | MadePictures) and owed.maker == self._name:
+            self._ordered, self._talks = owed.words, True
         _tell(
             "To change the painting, type what shall change and press Enter, at any time."
             if sys.stdin.isatty()
@@ -217,29 +218,29 @@ class Proposer:
             return False
         if not self._typed and sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
             self._typed = read_line().strip()
+            self._talks |= self._run.painting.wishes.paused  # by Enter alone, too
         return bool(self._typed)
 
     def has_word(self) -> bool:
         """Returns True if the person has something to say in this pause: about pictures, or about what shall change."""
-        return self._talks or self._run.painting.wishes.proposed is not None or self.wants_pause()
+        return self.wants_pause() or (self._talks and sys.stdin.isatty())
 
     def find_command(self) -> Command | None:
         """Asks until there is a command, and returns it; None if nothing more shall change. Raises Interrupted."""
         made, self._talks = self._run.painting.wishes.proposed, True
         try:
-            if made is not None and made is not self._asked:
-                self._asked = made
+            if made is not None and made.words == self._ordered:
+                self._ordered = ""
                 if file := self._choose(made):
                     _tell("The rest is planned towards it, with the paints that are mixed.")
                     return ChoosePicture(file)
             while words := self._typed or self._ask("What shall change? (Enter: paint on) ").strip():
                 self._typed = ""
                 try:
-                    words = read_prompt(words, "The change")
-                    name = self._maker.partition(":")[0]
-                    order = MakingOrder(words=words, maker=self._maker, label=name, minutes=USUAL_MINUTES)
+                    self._ordered = words = read_prompt(words, "The change")
+                    order = MakingOrder(words=words, maker=self._maker, label=self._name, minutes=USUAL_MINUTES)
                     order.keep(self._run.folder)
-                    return Propose(words, name)
+                    return Propose(words, self._name)
                 except FridaError as trouble:
                     _tell(str(trouble))
         except (EOFError, KeyboardInterrupt) as end:

@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from cli.test_stopping import Painter, paint
+from frida_painter.errors import Interrupted
 from frida_painter.runs.painting_folder import history_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused, WentOn
@@ -223,3 +224,19 @@ def test_a_pause_of_the_pause_file_is_ended_by_a_page_too_and_what_was_owed_is_d
         assert leader._pause_cause() == "person"
     assert leader._go_on(Paused("It waits.", 3, "person")) and asked == [None]
     assert not (tmp_path / "pause").exists()
+
+
+def test_a_stop_at_a_page_ends_a_question_at_the_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("frida_painter_cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
+    monkeypatch.setattr("frida_painter_cli.leading._lead_from_pages", lambda *_: SimpleNamespace())
+    keyboard, screen = os.openpty()
+    with os.fdopen(screen) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        run: Any = Run(tmp_path)
+        stop: Any = SimpleNamespace(asked=False)
+        leader = Leader(run, stop, asked=True, started=0.0, propose="command:true {canvas}")
+        proposer: Any = leader._proposer
+        threading.Timer(0.3, lambda: setattr(run, "is_stopped", True)).start()
+        with pytest.raises(Interrupted):
+            proposer._ask("What shall change? ")
+    os.close(keyboard)

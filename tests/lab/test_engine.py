@@ -80,6 +80,20 @@ def test_a_process_that_is_killed_while_it_starts_is_started_again(
     assert isinstance(ended.error, WorkerUnfit) and "No process for the runs could be started" in str(ended.error)
 
 
+def test_an_unexpected_error_ends_its_task_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    start, starts = python_process.start_function, []
+
+    def fail_at_first(*words: Any, **more: Any) -> Any:
+        starts.append(words)
+        if len(starts) == 1:
+            raise ValueError("no sockets")
+        return start(*words, **more)
+
+    monkeypatch.setattr(python_process, "start_function", fail_at_first)
+    first, second = engine().run(sweep_works.tell_process, notes(tmp_path, 2))
+    assert isinstance(first.error, ValueError) and second.error is None
+
+
 def test_a_task_that_never_ends_is_given_up(tmp_path: Path) -> None:
     (ended,) = engine(seconds=2.0).run(sweep_works.hang, notes(tmp_path))
     assert "was killed" in str(ended.error) and "2 s" in str(ended.error)

@@ -9,7 +9,7 @@ import pytest
 import torch
 from PIL import Image
 
-from frida_painter.errors import TryFailed, WorkerUnfit
+from frida_painter.errors import ConfigError, TryFailed, WorkerUnfit
 from frida_painter_lab import experiment as carrier
 from frida_painter_lab import runs as running
 from frida_painter_lab.engine import Share
@@ -127,6 +127,19 @@ def test_in_processes_failures_stop_no_other_and_are_told(tmp_path: Path, monkey
     share = Share((Counting().all_runs[0],), str(tmp_path), Counting())
     measure_share(share)
     assert share.experiment.asked == [], "what is done is only read"
+
+
+@pytest.mark.parametrize("module", ["__main__", "beside_the_script"])
+def test_a_class_that_other_processes_cannot_import_is_refused_and_told_where_to_put(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str
+) -> None:
+    monkeypatch.setattr(carrier, "Engine", lambda limits, slots: Here())
+    monkeypatch.setattr(carrier, "slots_here", lambda limits, most=None: 2)
+    own = type("Own", (Counting,), {"__module__": module})()
+    with pytest.raises(ConfigError if module == "__main__" else WorkerUnfit, match=f"'Own' from '{module}'; put"):
+        own.run_in_processes(tmp_path, silent)
+        reopen(str(tmp_path), [])  # as another process does
+    assert own.run(tmp_path).tables
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Painting together by words at the terminal: the talk of a pause, and of one that broke off."""
 
+import io
 import json
 import os
 import sys
@@ -10,16 +11,18 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from frida_painter.errors import ConfigError, Interrupted
-from frida_painter.session.events import Event, Paused, Remark, StrokePainted
+from frida_painter.session.events import Event, MadePictures, Paused, Remark, StrokePainted
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
 from frida_painter.system import images
 from frida_painter.system.event_log import EventLog
 from frida_painter_cli.options import ask_at_terminal, read_line, require_proposer
 from frida_painter_together import proposing
+from frida_painter_together.commands import Propose
 from frida_painter_together.conductor import Conductor
 from frida_painter_together.inbox import MakingOrder
 from frida_painter_together.proposing import Proposer
@@ -38,6 +41,7 @@ class Terminal:
     maker: str = WAVE
     history: PaintingState | None = None
     asked: list[str] = field(default_factory=list)
+    own: tuple[bool, bool] | None = None  # if not None, their paint is found: they are asked about it, and it stays
 
     def ask(self, prompt: str) -> str:
         self.asked.append(prompt)
@@ -52,7 +56,7 @@ class Terminal:
             return isinstance(event, StrokePainted) and event.done == 2
 
         def go_on(paused: Paused) -> bool:
-            run = SimpleNamespace(session=setup.session, folder=self.folder, painting=journal.state)
+            run = SimpleNamespace(session=setup.session, folder=self.folder, painting=journal.state, history=known)
             talk = Proposer(run, self.maker, self.ask)  # type: ignore[arg-type]
 
             def elsewhere(paused: Paused) -> bool | None:
@@ -65,6 +69,10 @@ class Terminal:
                 setup._hear(event)
 
             conductor = Conductor(self.folder, hear, lambda: False, 0.0, lambda: setup.session, elsewhere=elsewhere)
+            if self.own is not None:
+                conductor.asks_here, stays = self.own
+                conductor.ask = lambda question: self.asked.append(question.text) or stays  # type: ignore[func-returns-value]
+                setup.session.person.find_own_paint = lambda: np.arange(48).reshape(6, 8) % 8 < 2  # type: ignore[method-assign]
             if known is not None:
                 journal.state.wishes.proposed = (
                     journal.state.wishes.proposed or known.wishes.proposed
@@ -143,7 +151,7 @@ def test_a_talk_that_broke_off_goes_on_from_there(tmp_path: Path, pursued: list[
         "chosen": {"kind": "choose", "file": "changes/1/a-storm-3.png"},
     }
     history.wishes.request = told[broke_off]
-    history.wishes.proposed = history.wishes.proposed if broke_off == "made" else None
+    history.wishes.proposed = None if broke_off == "asked" else history.wishes.proposed
     pursued.clear()
     lines = {"asked": ["1", ""], "made": ["3", ""], "chosen": []}[broke_off]
     Terminal(tmp_path, lines, history=history).paint(journal)
@@ -185,3 +193,48 @@ def test_the_end_of_typing_says_no_more_than_enter(typing: int) -> None:
 def test_a_stop_ends_a_question(typing: int) -> None:
     with pytest.raises(Interrupted):
         ask_at_terminal("What? ", lambda: True)
+
+
+def test_pictures_that_people_at_a_page_have_asked_for_are_theirs_to_choose_from(typing: int, tmp_path: Path) -> None:
+    painting = PaintingState()
+    made = MadePictures("a storm", "boats", [{"file": "x", "seed": 1}], 0, "", [])
+    painting.wishes.proposed, painting.wishes.paused = made, True
+    progress = SimpleNamespace(so_far=SimpleNamespace(rest=[1]))
+    run: Any = SimpleNamespace(session=progress, folder=tmp_path, painting=painting, history=painting)
+    lines = ["a calm sea", ""]
+    talk = Proposer(run, WAVE, lambda prompt: lines.pop(0))
+    assert not talk.has_word()
+    os.write(typing, b"\n")
+    assert talk.has_word() and talk.find_command() == Propose("a calm sea", "command")
+    assert talk.has_word() and talk.find_command() is None and not talk.has_word()
+
+
+def test_nobody_is_asked_if_nobody_can_type(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO())
+    history = PaintingState()
+    history.wishes.request = {"kind": "propose", "words": "a storm", "maker": "command"}
+    run: Any = SimpleNamespace(session=None, folder=tmp_path, painting=history, history=history)
+    assert not Proposer(run, WAVE, input).has_word()
+
+
+@pytest.mark.parametrize("asks", [True, False])
+@pytest.mark.parametrize("stays", [True, False])
+def test_whoever_changes_it_at_the_terminal_says_if_their_paint_stays(
+    tmp_path: Path, pursued: list[str], capsys: pytest.CaptureFixture[str], asks: bool, stays: bool
+) -> None:
+    person = Terminal(tmp_path, ["a storm", "", ""], own=(asks, stays))
+    setup = person.paint(Journal.begin(tmp_path, {}, {}))
+    assert [line for line in person.asked if "Shall it stay as it is?" in line] == asks * [
+        "You painted about 25 % of the canvas. Shall it stay as it is?"
+    ]
+    assert (setup.session.journal.state.wishes.region is None) is (asks and not stays)
+    assert ("press Remove the protection" in capsys.readouterr().err) is not asks
+
+
+def test_what_is_not_proposed_cannot_be_chosen(
+    tmp_path: Path, pursued: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Proposer, "_choose", lambda *_: "changes/1/canvas.png")
+    Terminal(tmp_path, ["a storm", ""]).paint(Journal.begin(tmp_path, {}, {}))
+    said = capsys.readouterr().err
+    assert "This picture is not proposed any more" in said and str(tmp_path) not in said and pursued == []

@@ -30,11 +30,10 @@ from frida_painter_together.commands import (
     MAX_POINTS,
     PAUSE,
     ChangeGoal,
-    ChoosePicture,
-    Command,
     GivePicture,
     GoalRequest,
     LeaveOut,
+    PageCommand,
     PaintStroke,
     Propose,
     Protect,
@@ -43,7 +42,7 @@ from frida_painter_together.commands import (
 from frida_painter_together.inbox import FOLLOWED, LEAD_GOOD_FOR, Inbox, Message, Reply, send
 
 
-def heard(inbox: Inbox) -> list[Command | None]:
+def heard(inbox: Inbox) -> list[PageCommand | None]:
     return [each.command for each in inbox.listen()]
 
 
@@ -87,7 +86,7 @@ def test_what_was_said_to_a_painter_is_not_done_again_by_the_next_one(tmp_path: 
 
 POINT = (0.5, 0.5, 1.0, 0.0, 0.0, 0.0)
 TERMS = [{"kind": "image", "picture": "a" * 32}, {"kind": "text", "words": "sea"}]
-EACH: dict[str, tuple[dict[str, Any], Command]] = {
+EACH: dict[str, tuple[dict[str, Any], PageCommand]] = {
     "pause": ({}, PAUSE),
     "go on": ({}, GO_ON),
     "finish": ({}, FINISH),
@@ -99,7 +98,6 @@ EACH: dict[str, tuple[dict[str, Any], Command]] = {
     "free": ({}, FREE),
     "paint": ({"brush": "fine", "paint": 1, "points": [[0.5, 0.5, 1, 0, 0, 0]]}, PaintStroke("fine", 1, (POINT,))),
     "propose": ({"words": "a stormy sea", "maker": "mine"}, Propose("a stormy sea", "mine")),
-    "choose": ({"file": "changes/1/a-sea-2.png"}, ChoosePicture("changes/1/a-sea-2.png")),
     "end making": ({}, END_MAKING),
     "goal": ({"terms": TERMS}, ChangeGoal(tuple(GoalRequest.model_validate(each) for each in TERMS))),
 }
@@ -108,14 +106,14 @@ EACH: dict[str, tuple[dict[str, Any], Command]] = {
 @pytest.mark.parametrize("kind", EACH)
 def test_a_command_is_the_same_at_the_page_in_the_file_and_at_the_painter(tmp_path: Path, kind: str) -> None:
     more, means = EACH[kind]
-    command: Command = TypeAdapter(Command).validate_python({"kind": kind, **more})
+    command: PageCommand = TypeAdapter(PageCommand).validate_python({"kind": kind, **more})
     assert command == means
     send(tmp_path, command)
     assert heard(Inbox(tmp_path, 0.0)) == [means]
 
 
 def test_every_kind_of_command_is_tested() -> None:
-    kinds = [get_type_hints(each)["kind"] for each in get_args(get_args(Command)[0])]
+    kinds = [get_type_hints(each)["kind"] for each in get_args(get_args(PageCommand)[0])]
     assert {name for kind in kinds for name in get_args(kind)} == set(EACH)
 
 
@@ -129,6 +127,7 @@ def test_every_kind_of_command_is_tested() -> None:
         {"command": {"kind": "protect", "picture": "../x", "only": True}},
         {"command": {"kind": "protect", "picture": "a" * 32, "only": 1}},
         {"command": {"kind": "goal", "terms": []}},
+        {"command": {"kind": "choose", "file": "changes/1/canvas.png"}},
     ],
 )  # fmt: skip
 def test_what_is_no_command_is_left_out(tmp_path: Path, changes: dict[str, Any]) -> None:
@@ -184,7 +183,7 @@ def test_an_inbox_that_holds_anything_is_read_in_bounded_parts_and_the_next_comm
 )
 def test_a_stroke_that_cannot_be_painted_is_refused_with_one_sentence(points: Any, sentence: str) -> None:
     with pytest.raises(ValidationError) as refused:
-        TypeAdapter(Command).validate_python({"kind": "paint", "brush": "fine", "paint": 0, "points": points})
+        TypeAdapter(PageCommand).validate_python({"kind": "paint", "brush": "fine", "paint": 0, "points": points})
     (fault,) = refused.value.errors()
     assert fault["type"] == "value_error" and sentence in fault["msg"]
     assert fault["msg"].count("\n") == 0

@@ -647,6 +647,8 @@ def test_a_painting_of_the_terminal_is_led_and_gone_on_with_like_any_other(
     inbox, goal = Inbox(folder, 0.0), {"kind": "goal", "terms": [{"kind": "image", "picture": PICTURE}]}
     for command in ({"kind": "pause"}, {"kind": "protect", "picture": PICTURE, "only": True}, goal, {"kind": "go on"}):
         assert visitor.post(f"{path}/say", json=command).status_code == 200
+    choice = {"kind": "choose", "file": "changes/1/canvas.png"}
+    assert visitor.post(f"{path}/say", json=choice).status_code == 422, "only a terminal chooses by the file"
     assert [each.command.kind for each in inbox.listen() if each.command] == ["pause", "protect", "goal", "go on"]
     assert {file.name for file in (folder / "given").iterdir()} == {f"{PICTURE}.png", f"{PICTURE}.making.json"}
     assert visitor.post(f"{path}/plans", json=painting_request()).status_code == 409
