@@ -24,7 +24,7 @@ def world() -> VirtualPainting:
     ("faults", "done", "reason"),
     [
         (Faults(in_sight=(InSight("hand", 1),)), 4, "reaches over the edge"),
-        (Faults(bumps=(Bump(5, (0.004, 0.003)),)), 8, "no longer where it was"),
+        (Faults(bumps=(Bump(5, (0.005, -0.004)),)), 8, "no longer where it was"),
         (Faults(frozen_photographs=frozenset(range(1, 9))), 4, "very same photograph"),
         (Faults(stale_photographs=frozenset(range(1, 9))), 4, "no new photograph"),
         (Faults(failed_photographs=frozenset(range(2, 20))), 8, "does not answer"),

@@ -343,7 +343,7 @@ def test_a_person_paints_asks_for_a_boat_and_what_they_painted_outlives_a_killed
         page.get_by_label("What shall change").press("Enter")
         shelf = page.get_by_role("list", name="Pictures of add a boat")
         expect(shelf.get_by_role("button")).to_have_count(4, timeout=LONG)
-        sees(page, "What you painted stays as it is in all of them.")
+        sees(page, "What you painted stays in all of them.")
         assert complaints(page) == []
         keep(page, "by-words-proposed")
         folder = folder_of(studio, painting)

@@ -13,10 +13,8 @@ from torch import Tensor
 
 from frida_painter.system import images
 
-_LONGEST = (
-    640,
-    320,
-)  # pixels of the longer side of the searched picture: large faces are found better in the smaller one
+# Pixels of the longer side of the searched picture: large faces are found better in the smaller one.
+_LONGEST = 640, 320
 _CELL, _STRIDE = 4, 32  # pixels of a place of the answer; sides of the picture are multiples of the stride
 _SURE = 0.35  # least likelihood; coins, galaxies, tissue and sketches have up to 0.11
 _SAME = 0.3  # shared part of the union of two boxes, above which they show the same face

@@ -231,7 +231,7 @@ class PlanSettings(SettingSection):
     a place, such as the head of an animal, with shares of the picture's width from the left, of its height from the
     top, and of its shorter side as the radius. May be repeated."""
     form: float = setting(
-        1.0, form=Control("Strokes follow form", TENTHS, {0: "{:g}, none", 0.1: "{:g}", 1: "{:g}, all"}),
+        1.0, form=Control("Follow the form", TENTHS, {0: "{:g}, none", 0.1: "{:g}", 1: "{:g}, all"}),
         ge=0, le=1,
     )  # fmt: skip
     """Share of strokes that follow the form of a photograph: its edges, hair and grain. 0 is none, 1 is all."""

@@ -2,8 +2,17 @@
 
 An event is named after its class and has a JSON form (`record`, `events_of`), in which it stands in the journal of a
 painting or in the feed of a job. Fields that carry plans and pixels are live: only listeners in the painting process
-have them, and pictures are named by their files. `PaintingState` (fold.py) folds the events of a painting;
-examples/watch_painting.py hears them.
+have them, and pictures are named by their files. `PaintingState` (fold.py) folds the events of a painting.
+
+    >>> import frida_painter as fp
+    >>> def hear(event):
+    ...     if isinstance(event, fp.events.StrokePainted):
+    ...         print(event.done)
+    >>> spec = fp.RunSpec.of(goal=[{"image": "photo.jpg"}], canvas="12x9cm", strokes=2, replans=0, render_height=64)
+    >>> with fp.PaintingRun(spec, listeners=[hear]) as run:
+    ...     painting = run.simulate()
+    1
+    2
 """
 
 from __future__ import annotations
