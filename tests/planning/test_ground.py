@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from frida_painter.errors import ConfigError
+from frida_painter.mixing.recipe import PaintSet
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.objectives.style import StyleTerm
@@ -93,3 +94,15 @@ def test_no_ground_is_darker_than_the_darkest_paint() -> None:
         *plain(CANVAS, small_table(), rows=64, darkest=(0.2, 0.1, 0.1)),
     )
     assert ground_around_things(by) == pytest.approx((0.2, 0.1, 0.1), abs=0.003)
+
+
+def test_a_ground_is_a_colour_that_the_paints_can_mix() -> None:
+    red = torch.tensor([1.0, 0.07, 0.07])[:, None, None].expand(3, 64, 85)
+    settings, materials, effort = plain(CANVAS, small_table(), rows=64, effort=Effort().scale(0.2))
+    acrylics = PaintSet.of("acrylics")
+    by = Planner(as_it_is(red), settings, replace(materials, paints=acrylics), effort)
+    for ground in (proposed_ground(by, 6, 2), ground_around_things(by)):
+        (recipe,) = acrylics.mix(torch.tensor([ground]))
+        assert recipe.within_reach and ground[0] > 2 * max(ground[1:]), "still red"
+    by = Planner(as_it_is(red), settings, replace(materials, paints=None), effort)
+    assert ground_around_things(by) == pytest.approx((1.0, 0.07, 0.07), abs=0.003), "any paint can be mixed"

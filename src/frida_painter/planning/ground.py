@@ -10,6 +10,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.objectives.image import ImageTerm
 from frida_painter.objectives.objective import Goal
 from frida_painter.planning.fields import EVERYWHERE
+from frida_painter.planning.mixable import make_mixable
 from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.strokes.palette import to_lab
@@ -57,7 +58,8 @@ def proposed_ground(
         on_it = trial.on_ground(ground)
         return on_it.expected_loss(on_it.plan(None, few, min(colors, few), notify), on_it.bare)
 
-    losses = {ground: expected_loss(ground) for ground in possible_grounds(_in_paint(term.guide, planner))}
+    grounds = [_within_reach(ground, planner) for ground in possible_grounds(_in_paint(term.guide, planner))]
+    losses = {ground: expected_loss(ground) for ground in grounds}
     best = min(losses, key=lambda ground: losses[ground])
     return best if losses[best] < _CLEARLY * losses[WHITE] else WHITE
 
@@ -103,4 +105,16 @@ def ground_around_things(planner: Planner) -> tuple[float, float, float]:
     lab = to_lab(around)
     apart = torch.cdist(lab, lab).clamp(max=_OTHER).mean(1)
     red, green, blue = (around[apart.argmin()] * 255).round().div(255).tolist()
+    return _within_reach((red, green, blue), planner)
+
+
+def _within_reach(ground: tuple[float, float, float], planner: Planner) -> tuple[float, float, float]:
+    """Returns the ground, or the colour that its recipe gives if the planner's paints cannot mix it."""
+    paints = planner.materials.paints
+    if paints is None or ground == WHITE:
+        return ground
+    mixed = make_mixable(torch.tensor([ground]), torch.ones(1), paints, apart=0.0)
+    if not mixed.changes:
+        return ground
+    red, green, blue = (mixed.color[0] * 255).round().div(255).tolist()
     return red, green, blue
