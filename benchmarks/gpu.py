@@ -25,7 +25,7 @@ from frida_painter.planning.problem import on_device
 from frida_painter.render import composite_moments, reference
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row
 from frida_painter_lab.runs import Run
-from frida_painter_lab.targets import STYLES, load_shipped_targets
+from frida_painter_lab.targets import load_shipped_targets
 
 NO_GPU = (
     "There is no CUDA device here: PyTorch {version} sees none. Run this on a machine with an NVIDIA GPU and the CUDA "
@@ -133,7 +133,7 @@ class Gpu(Benchmark):
         return Measurement({"ms": 1000 * taken, "peak MB": peak, "waits for each": waits})
 
     def _plan(self, name: str) -> Measurement:
-        coffee, style = (one.path for one in load_shipped_targets(["coffee", STYLES[0]]))
+        coffee, style = (one.path for one in load_shipped_targets(["coffee", "tissue"]))
         goal = {
             "style": lambda: fp.make_goal(coffee, style=style),
             "words": lambda: fp.make_goal(text="a cup of coffee"),

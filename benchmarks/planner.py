@@ -30,7 +30,7 @@ from frida_painter.render import reference, scanline
 from frida_painter.strokes.strokes import Strokes
 from frida_painter_lab.experiment import Measurement, Notify, Results, ResultTable, Row
 from frida_painter_lab.runs import Run
-from frida_painter_lab.targets import STYLES, load_shipped_targets
+from frida_painter_lab.targets import load_shipped_targets
 from original import OriginalPlan, PaperNetwork
 
 REFERENCE, FAST = "reference", "scanline"
@@ -178,7 +178,7 @@ class Plans(Benchmark):
         return [Run({"goal": name}) for name in (WHOLE, AGAIN, OTHER, "style", "semantic", "sketch", "words")]
 
     def _goal(self, name: str) -> Goal:
-        coffee, style, drawing = (one.path for one in load_shipped_targets(["coffee", STYLES[0], "pear"]))
+        coffee, style, drawing = (one.path for one in load_shipped_targets(["coffee", "tissue", "pear"]))
         return {
             "style": lambda: fp.make_goal(coffee, style=style),
             "semantic": lambda: fp.make_goal(semantic=coffee),

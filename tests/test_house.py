@@ -72,6 +72,7 @@ OWN_FILES = {
     "mixing/paint.py",
     "system/provenance.py",
     "frida_painter_drivers/sawyer/surroundings.py",
+    "frida_painter_lab/benchmark/suite.py",
     "frida_painter_studio/studio_folder.py",
     "frida_painter_studio/security.py",
     "frida_painter_studio/server.py",

@@ -5,7 +5,6 @@ that decides its measurement, so that runs go on in any order and in any process
 and an interrupted experiment continues from there.
 """
 
-import json
 import math
 from abc import ABC, abstractmethod
 from collections import UserDict
@@ -199,7 +198,6 @@ class Experiment(ABC):
 
     NAME: of its command and its folder
     TITLE: one line for people
-    SHARING: label; runs that differ only in this label share work, and one process measures them
 
     brush: brush of the project
     quick: True for the least work that runs every step; the figures then mean nothing
@@ -207,7 +205,6 @@ class Experiment(ABC):
 
     NAME: ClassVar[str]
     TITLE: ClassVar[str]
-    SHARING: ClassVar[str] = ""
 
     brush: str = "broad"
     quick: bool = False
@@ -293,13 +290,8 @@ class Experiment(ABC):
         return self.run(keep, notify)
 
     def shares(self, keep: Path) -> list[Share]:
-        """Returns the runs that are not in `keep`, grouped by shared work."""
-        found: dict[str, list[Run]] = {}
-        for run in self.all_runs:
-            if _load(keep, run) is None:
-                rest = {name: value for name, value in run.labels.items() if name != self.SHARING}
-                found.setdefault(json.dumps(rest), []).append(run)
-        return [Share(tuple(runs), str(keep), self) for runs in found.values()]
+        """Returns the runs that are not in `keep`, each as a share."""
+        return [Share((run,), str(keep), self) for run in self.all_runs if _load(keep, run) is None]
 
     def keep_request(self, keep: Path) -> None:
         """Writes the options, from which another process opens the same experiment. Raises StorageError."""

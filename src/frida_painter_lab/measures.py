@@ -5,17 +5,12 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
-from scipy.optimize import linear_sum_assignment
 from torch import Tensor
 from torch.nn import functional
 
-from frida_painter.canvas_size import CanvasSize
-from frida_painter.frames import PixelGrid
 from frida_painter.objectives.encoders.base import Seer
 from frida_painter.objectives.encoders.convolutional import Vgg16
 from frida_painter.objectives.semantic import Views
-from frida_painter.objectives.style_flow import directions
-from frida_painter.strokes.strokes import Strokes
 from frida_painter.system import images
 
 # The windows of SSIM (Wang et al. 2004): Gaussian, of 11 pixels; the border of a picture has none.
@@ -25,7 +20,6 @@ _ROWS = 256  # of the pictures in which edges are detected
 _BLUR = 1.6  # its pixels
 _LOW, _HIGH = 40, 100  # of 255: slopes at which Canny's edges continue and start
 _TOLERANCE = 0.015  # of the picture's diagonal
-_AREA = 12  # its pixels: half the width over which a composition's edges are measured
 _VIEWS = 6
 
 
@@ -91,40 +85,6 @@ def edge_score(picture: Tensor, target: Tensor) -> float:
     return 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0
 
 
-def edge_correlation(picture: Tensor, target: Tensor) -> float:
-    """Returns the correlation, in [-1, 1], of the coarse edges of lightness of two pictures, place by place.
-
-    target: cropped to the shape of `picture` [3, H, W]
-    """
-    steps = [_steps(images.fit(one, *_shape(picture)).mean(0)).flatten() for one in (picture, target)]
-    return float(torch.corrcoef(torch.stack(steps))[0, 1])
-
-
-def direction_agreement(strokes: Strokes, style: Tensor, size: CanvasSize) -> float:
-    """Returns the agreement of strokes with the directions of a style picture: circular correlation, in [-1, 1].
-
-    It is the mean cosine of twice the angle between a stroke and the style's direction in its middle (opposite
-    angles are the same direction). The weight of a stroke is its length times the clarity of the direction of the
-    style [3, H, W], cropped to the canvas. 1 means the same directions, 0 no relation, -1 perpendicular ones.
-    """
-    filled = images.fit(style, _ROWS, round(_ROWS * size.width / size.height))
-    doubled, coherence, _ = directions(filled)
-    middle = PixelGrid(size, *doubled.shape).to_pixels(strokes.path(torch.tensor([0.5]))[:, 0]).round().long()
-    columns, rows = (middle[:, axis].clamp(0, most - 1) for axis, most in enumerate(reversed(doubled.shape)))
-    weight = coherence[rows, columns] * strokes.length
-    return float((weight * torch.cos(2 * strokes.angle - doubled[rows, columns])).sum() / weight.sum().clamp(min=1e-9))
-
-
-def exact_emd(cost: Tensor) -> float:
-    """Returns the Earth Mover's Distance for a square cost [n, n] between two clouds of n equal weights.
-
-    The best transport between equal weights is an assignment, so this is exact.
-    """
-    values = cost.detach().cpu().double().numpy()
-    rows, columns = linear_sum_assignment(values)
-    return float(values[rows, columns].mean())
-
-
 def _cosine(a: Tensor, b: Tensor) -> float:
     return float((1 - functional.cosine_similarity(a, b, dim=1)).mean())
 
@@ -135,14 +95,6 @@ def _edges(picture: Tensor) -> NDArray[np.bool_]:
     gray = cv2.GaussianBlur(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), (0, 0), _BLUR)
     found: NDArray[np.bool_] = cv2.Canny(gray, _LOW, _HIGH, L2gradient=True) > 0
     return found
-
-
-def _steps(gray: Tensor) -> Tensor:
-    """Returns the gradient of lightness [h, w] at the scale of areas, not of marks."""
-    smooth = functional.avg_pool2d(gray[None, None], 2 * _AREA + 1, 1, _AREA, count_include_pad=False)[0, 0]
-    across = smooth[_AREA:-_AREA, 2 * _AREA :] - smooth[_AREA:-_AREA, : -2 * _AREA]
-    down = smooth[2 * _AREA :, _AREA:-_AREA] - smooth[: -2 * _AREA, _AREA:-_AREA]
-    return (across.square() + down.square()).sqrt()
 
 
 def _shape(picture: Tensor) -> tuple[int, int]:

@@ -2,146 +2,54 @@
 
 Such an experiment is a row: scenes, ways to paint them, and measures of a painting. Every run is planned on a bare
 canvas and painted in the virtual studio by PaintingRun. The common settings of all paintings are a RunSpec too.
-Imperfections of the studio can be removed.
 """
 
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
-from typing import Any, ClassVar, Self, cast
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from torch import Tensor
 
-from frida_painter.brush.kinds import brush_kind
 from frida_painter.easel.kinds import OpenEasel
 from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.virtual_easel import assemble_easel
-from frida_painter.hardware.easel import Easel, Operator
 from frida_painter.hardware.faults import PlacementError
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.report.sheets import Cell, FigureRow, page
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Event, Looked, Planned, StrokePainted, TimelapseFrame
-from frida_painter.session.hand import Hand
-from frida_painter.session.observer import CanvasObserver
 from frida_painter.session.opening import planning_device
-from frida_painter.strokes.palette import Palette
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images, storage
-from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import FREE, VirtualStudio
-from frida_painter.virtual.tabletop import HandNoise, Table
 from frida_painter_lab.experiment import Experiment, Measurement, Notify, Progress, Results, ResultTable, Row
 from frida_painter_lab.runs import Labels, Run, Value, goal_facts
 from frida_painter_lab.targets import Target
 
-EXACT = PlacementError((0.0, 0.0), 0.0)
-"""Placement of a perfectly calibrated robot."""
+KNOWN_PLACEMENT = {"placement_error": PlacementError((0.0, 0.0), 0.0)}
+"""Furniture of a studio whose robot is perfectly calibrated."""
 _PLANNING = 0.7  # share of the time of a painting
 Tell = Callable[[float], None]
 """Hears the share, in [0, 1], of a part of the work that is done."""
 
 
-def execute(plan: Plan, easel: Easel, rows: int) -> Tensor:
-    """Paints given strokes on a bare easel and returns the photograph of the canvas, [3, rows, columns].
+class WatchedStudio:
+    """Virtual studio with access to its true canvas. furniture: fields of StudioSettings that differ from the order"""
 
-    Raises RobotError, CameraError and their subclasses.
-    """
-    hand, observer = Hand(easel, brush_kind(plan.layers[0].brush).for_any_order), CanvasObserver(easel)
-    hand.step_aside()
-    observer.look(hand.last_motion, rows)  # at the bare canvas: learns the light of the room
-    easel.operator.fill_wells(plan.palette)
-    for action in hand.prepare(plan, 0, len(plan)):
-        hand.perform(action)
-    hand.step_aside()
-    return observer.look(hand.last_motion, rows)
-
-
-# Imperfections: some are switched off by the studio's settings, the others are removed from the open studio.
-
-_ENDLESS = 1000.0  # times the paint that a brush holds
-_COVERING = 100.0  # times the absorption and the scattering of a paint
-_AT_ONCE = 1e-3  # seconds in which paint dries
-
-
-def _leave_as_it_is(studio: VirtualStudio) -> None:
-    """Changes nothing."""
-
-
-@dataclass(frozen=True)
-class Imperfection:
-    """Imperfection of the virtual studio.
-
-    name: in tables
-    furniture: fields of StudioSettings that switch it off
-    remove: removes it from an open studio
-    """
-
-    name: str
-    furniture: Mapping[str, Any] = field(default_factory=dict)
-    remove: Callable[[VirtualStudio], None] = _leave_as_it_is  # a function by name, which another process can find
-
-
-class _OpaquePaint:
-    """Operator of a studio who fills the wells with paint that covers, and else does as usual."""
-
-    def __init__(self, usual: Operator, table: Table) -> None:
-        self._usual, self._table = usual, table
-
-    def fill_wells(self, palette: Palette) -> None:
-        """Fills the wells; a film with more absorption and scattering, by the same factor, keeps its colour."""
-        self._usual.fill_wells(palette)
-        self._table.paints = tuple(_COVERING * paint for paint in self._table.paints)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._usual, name)
-
-
-def _never_runs_out(studio: VirtualStudio) -> None:
-    """Multiplies the capacity of each brush: the mark depends on the remaining share, which then stays near full."""
-    for tuft in studio.tufts.values():
-        tuft.capacity *= _ENDLESS
-
-
-def _lies_flat(studio: VirtualStudio) -> None:
-    studio.canvas.tooth[...] = 0.0
-
-
-def _covers(studio: VirtualStudio) -> None:
-    opaque = _OpaquePaint(studio.easel.operator, studio.table)
-    studio.easel = replace(studio.easel, operator=cast(Operator, opaque))
-
-
-PLACEMENT = Imperfection("placement error", {"placement_error": EXACT})
-HAND = Imperfection("hand noise", {"noise": HandNoise(0.0, 0.0)})
-LOAD = Imperfection("running out", remove=_never_runs_out)
-WETNESS = Imperfection("wet mixing", {"drying_time": _AT_ONCE})
-TRANSLUCENCY = Imperfection("translucency", remove=_covers)
-TOOTH = Imperfection("canvas tooth", remove=_lies_flat)
-CAMERA = Imperfection("camera error", {"camera": CameraSpec.ideal()})
-IMPERFECTIONS = (PLACEMENT, HAND, LOAD, WETNESS, TRANSLUCENCY, TOOTH, CAMERA)
-
-
-class StudioWithout:
-    """Virtual studio without some imperfections, with access to its true canvas."""
-
-    def __init__(self, imperfections: Sequence[Imperfection] = ()) -> None:
-        self._without = imperfections
+    def __init__(self, furniture: Mapping[str, Any] | None = None) -> None:
+        self._furniture = furniture or {}
         self._studio: VirtualStudio | None = None
 
     def open(self, order: EaselOrder) -> OpenEasel:
         """Opens the ordered studio. Raises ConfigError if it has no such brush."""
-        furniture = {name: value for one in self._without for name, value in one.furniture.items()}
-        studio, easel = assemble_easel(order, FREE, **furniture)
-        for one in self._without:
-            one.remove(studio)
-        self._studio = studio
-        return OpenEasel(replace(easel, operator=studio.easel.operator), studio.close)
+        self._studio, easel = assemble_easel(order, FREE, **self._furniture)
+        return OpenEasel(easel, self._studio.close)
 
     def truth(self, rows: int) -> Tensor:
         """Returns the true canvas, sRGB [3, rows, columns], from the front and in even light; not for the painter."""
@@ -154,21 +62,21 @@ class StudioRun(Run):
     """Run of one painting.
 
     spec: of the painting
-    without: imperfections that the studio lacks
+    furniture: fields of StudioSettings that differ from the usual ones
     """
 
     spec: RunSpec
-    without: tuple[Imperfection, ...] = ()
+    furniture: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, labels: Labels, spec: RunSpec, without: tuple[Imperfection, ...] = ()) -> Self:
+    def of(cls, labels: Labels, spec: RunSpec, furniture: Mapping[str, Any]) -> Self:
         """Returns the run of a painting, which depends on its spec and on the content of its goal's files.
 
         Raises StorageError if a file cannot be read.
         """
         files = goal_facts(spec, lambda path: storage.sha256(path, "a picture of the goal"))
-        depends_on = {"spec": spec.record(), **files, "without": [one.name for one in without]}
-        return cls(labels, depends_on, spec=spec, without=without)
+        facts = {name: repr(value) for name, value in furniture.items()}
+        return cls(labels, {"spec": spec.record(), **files, "studio": facts}, spec=spec, furniture=furniture)
 
 
 @dataclass(frozen=True)
@@ -207,7 +115,7 @@ class PaintingWay:
     goal, initial: of a scene's pictures; by default its first picture, and nothing to begin with
     canvas: number of the picture that decides the orientation of the canvas
     changes: other fields of the RunSpec
-    without: imperfections that the studio lacks
+    furniture: fields of StudioSettings that differ from the usual ones, such as `KNOWN_PLACEMENT`
     """
 
     name: str
@@ -216,7 +124,7 @@ class PaintingWay:
     initial: Goal = ()
     canvas: int = 0
     changes: Mapping[str, Any] = field(default_factory=dict)
-    without: tuple[Imperfection, ...] = ()
+    furniture: Mapping[str, Any] = field(default_factory=dict)
 
 
 Scene = tuple[Target, ...]
@@ -233,7 +141,6 @@ class Comparison(Experiment):
     WAYS: ways to paint a scene
     MEASURES: names of the measures; True if more is better, False if less is; None if it is only told
     SHOWN: pictures of each painting on the sheet
-    COLUMNS: of the sheet, if a scene takes several lines
     """
 
     FULL: ClassVar[RunSpec] = RunSpec.of(strokes=100, layers=1, colors=12, effort=0.3, replans=0)
@@ -243,7 +150,6 @@ class Comparison(Experiment):
     WAYS: ClassVar[Sequence[PaintingWay]]
     MEASURES: ClassVar[Mapping[str, bool | None]]
     SHOWN: ClassVar[Sequence[str]] = ("painting",)
-    COLUMNS: ClassVar[int] = 0
 
     seeds: tuple[int, ...] = (0,)
 
@@ -288,7 +194,7 @@ class Comparison(Experiment):
             }
             usual = {**goals, "seed": seed, "canvas": canvas, "fit": "crop", "film": False}
             spec = self.common.with_values(**{**usual, **way.changes})
-            found.append(StudioRun.of(labels, spec, way.without))
+            found.append(StudioRun.of(labels, spec, way.furniture))
         return found
 
     def name_scene(self, scene: Scene) -> dict[str, str | int]:
@@ -345,7 +251,7 @@ class Comparison(Experiment):
                 case _:
                     pass
 
-        studio = StudioWithout(run.without)
+        studio = WatchedStudio(run.furniture)
         with PaintingRun(run.spec, listeners=[hear], encoders=self.networks) as opened:
             began = time.process_time()
             plan, planned = self.make_plan(
@@ -387,7 +293,7 @@ class Comparison(Experiment):
         }
 
     def pictures(self, results: Results) -> Mapping[str, Tensor]:
-        """Returns a sheet of the first seed: a line for each scene, or several."""
+        """Returns a sheet of the first seed: a line for each scene."""
         lines = []
         main = next(iter(self.MEASURES))
         for scene in self.scenes():
@@ -399,8 +305,7 @@ class Comparison(Experiment):
                 cells.append(Cell(found.pictures[last], f"{way.name}: {main} {found.numbers[main]:.3g}"))
             size = cells[-1].picture.shape[1:]
             cells = [Cell(images.fit(cell.picture, *size), cell.caption) for cell in cells]
-            columns = self.COLUMNS or len(cells)
-            lines += [FigureRow("", cells[first : first + columns]) for first in range(0, len(cells), columns)]
+            lines.append(FigureRow("", cells))
         return {self.NAME: page("", (), lines, width=260)}
 
 

@@ -1,4 +1,4 @@
-"""Experiments on the gap between a plan and its painting: `sim2real`, `replanning` and `ladder`.
+"""Experiments on the gap between a plan and its painting: `sim2real` and `replanning`.
 
 `sim2real` (paper, Fig. "sim2real gap") plans the same target in three ways: (a) ours; (b) unconstrained soft strokes of
 any size, opacity and colour, as in Huang et al. 2019; (c) soft strokes within the limits of a brush, opaque and in a
@@ -10,13 +10,11 @@ expected picture is the photograph with the remaining plan on top. Its differenc
 its difference from the target the error. With looks, the remaining plan is replanned on each photograph; without, it
 stays the same. A painter who looks also learns the placement of the robot; to separate this from replanning, a robot
 with known placement paints the same.
-
-`ladder` leads from the plan to the painting. Every rung is the same first plan, in the same studio, with one change.
-Its paintings are judged by their true colours, not by the camera.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -30,11 +28,8 @@ from frida_painter.system import images
 from frida_painter_lab.experiment import Results, ResultTable, Row
 from frida_painter_lab.measures import mse, psnr
 from frida_painter_lab.paintings import (
-    CAMERA,
-    IMPERFECTIONS,
-    PLACEMENT,
+    KNOWN_PLACEMENT,
     Comparison,
-    Imperfection,
     Painted,
     PaintingWay,
     StudioRun,
@@ -51,7 +46,10 @@ CONSTRAINED = "constrained (as Schaldenbrand & Oh 2021)"
 
 @dataclass(frozen=True, kw_only=True)
 class Sim2Real(Comparison):
-    """Experiment `sim2real`: every target planned and painted with every planner, on the same easel."""
+    """Experiment `sim2real`: every target planned and painted with every planner, on the same easel.
+
+    strokes: of each painting; None for the usual number
+    """
 
     NAME = "sim2real"
     TITLE = "The gap between simulated and painted pictures"
@@ -65,6 +63,13 @@ class Sim2Real(Comparison):
 
     photos: tuple[Target, ...]
     seeds: tuple[int, ...] = (0, 1, 2)
+    strokes: int | None = None
+
+    @cached_property
+    def common(self) -> RunSpec:
+        """Common settings of all paintings, with another number of strokes if one was asked for."""
+        usual = super().common
+        return usual if self.strokes is None else usual.with_values(strokes=self.strokes)
 
     def make_plan(self, run: StudioRun, opened: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
         """Plans with soft strokes, and converts them to strokes of the robot; ours plans as usual."""
@@ -122,8 +127,8 @@ class Replanning(Comparison):
         return [
             PaintingWay(UNSEEN, changes=film),
             PaintingWay(LOOKING, UNSEEN, changes=looks),
-            PaintingWay(KNOWN_UNSEEN, UNSEEN, changes=film, without=(PLACEMENT,)),
-            PaintingWay(KNOWN_LOOKING, KNOWN_UNSEEN, changes=looks, without=(PLACEMENT,)),
+            PaintingWay(KNOWN_UNSEEN, UNSEEN, changes=film, furniture=KNOWN_PLACEMENT),
+            PaintingWay(KNOWN_LOOKING, KNOWN_UNSEEN, changes=looks, furniture=KNOWN_PLACEMENT),
         ]
 
     @property
@@ -171,73 +176,3 @@ class Replanning(Comparison):
                 lines.append(Series(way.name, places, mean, least, most, band=True))
             drawn[what] = chart(title, "strokes painted", "mean squared difference; band: all seeds", lines)
         return {**drawn, "paintings": super().pictures(results)[self.NAME]}
-
-
-BLIND, KNOWN, USUAL = "without a look", "placement known, no look", "with 4 looks"
-PLANNED, EXPECTED = "of the plan as rendered", "of the plan as expected"
-
-
-def _rung(name: str, than: str, looks: int = 0, *without: Imperfection) -> PaintingWay:
-    return PaintingWay(name, than, changes={"replans": looks}, without=without)
-
-
-RUNGS = (
-    _rung(BLIND, ""),
-    _rung("with 1 look", BLIND, 1),
-    _rung(USUAL, BLIND, 4),
-    _rung("with 12 looks", BLIND, 12),
-    _rung(KNOWN, BLIND, 0, PLACEMENT),
-    _rung("placement known, 4 looks", KNOWN, 4, PLACEMENT),
-    _rung("placement known, 12 looks", KNOWN, 12, PLACEMENT),
-    *(
-        _rung(f"placement known, no {one.name}", KNOWN, 0, PLACEMENT, one)
-        for one in IMPERFECTIONS
-        if one not in (PLACEMENT, CAMERA)
-    ),
-    _rung(f"{USUAL}, no {CAMERA.name}", USUAL, 4, CAMERA),
-    _rung("no imperfection, no look", KNOWN, 0, *IMPERFECTIONS),
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Ladder(Comparison):
-    """Experiment `ladder`: every photograph planned once per seed, and that plan painted on every rung.
-
-    strokes: of a painting
-    made: first plans and their pictures by photograph and seed, which all rungs of a process share
-    """
-
-    NAME = "ladder"
-    TITLE = "Where the quality of a painting is lost"
-    SHARING = "painted"
-    FULL = RunSpec.of(strokes=200, colors=12, replans=0)
-    QUICK = RunSpec.of(strokes=14, colors=3, render_height=64, effort=0.05, replans=0)
-    MEASURES: ClassVar[Mapping[str, bool | None]] = {SIMILARITY: True, PLANNED: None, EXPECTED: None}
-    SHOWN = ("canvas",)
-    COLUMNS = 5
-
-    photos: tuple[Target, ...]
-    strokes: int | None = None
-    made: dict[tuple[str, str], tuple[Plan, Tensor]] = field(default_factory=dict, compare=False, repr=False)
-
-    def ways(self) -> Sequence[PaintingWay]:
-        """Returns the rungs."""
-        more = {"strokes": self.strokes} if self.strokes else {}
-        return [replace(rung, changes={**rung.changes, **more}) for rung in RUNGS]
-
-    def make_plan(self, run: StudioRun, opened: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
-        """Returns the first plan of the photograph and seed, made once."""
-        whose = run["target"], run["seed"]
-        if whose not in self.made:
-            self.made[whose] = make_first_plan(opened, tell)
-        return self.made[whose]
-
-    def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
-        """Measures the true canvas and the plan beside the photograph."""
-        wanted, forecast = images.fit(scene[0].picture, *painted.planned.shape[1:]), painted.run.forecast(painted.plan)
-        assert forecast is not None  # the goal is a photograph
-        return {
-            SIMILARITY: psnr(painted.truth, wanted),
-            PLANNED: psnr(painted.planned, wanted),
-            EXPECTED: forecast.expected,
-        }

@@ -15,7 +15,6 @@ from typer.main import get_group
 import frida_painter
 from frida_painter_cli import commands
 from frida_painter_cli.commands import Deferred, all_commands
-from frida_painter_lab.goals import PROMPTS
 from test_house import ROOT, SOURCES
 
 ENTRIES = [(("",), entry) for entry in all_commands()] + [(("strokes",), entry) for entry in commands.STROKE_COMMANDS]
@@ -126,9 +125,3 @@ def test_a_command_without_arguments_is_not_run_by_its_entry(capsys: pytest.Capt
     assert end.value.code == 2
     said = capsys.readouterr().err
     assert "PLAN" in said and "`frida-painter export --help`" in said
-
-
-def test_the_text_experiment_offers_all_its_prompts() -> None:
-    from frida_painter_lab.commands import MAX_PROMPTS
-
-    assert len(PROMPTS) == MAX_PROMPTS

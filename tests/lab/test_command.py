@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from frida_painter_cli import commands
-from frida_painter_lab.commands import ROWS, UNFINISHED, ExperimentRow
+from frida_painter_lab import commands as experiments
+from frida_painter_lab.commands import EXPERIMENTS, UNFINISHED
 from frida_painter_lab.runs import Run
 from frida_painter_lab.targets import Target
 from marks import small_library
@@ -36,25 +37,28 @@ def test_all_experiments_are_listed_with_what_they_are_for(say: Say) -> None:
     status, out, _ = say("list")
     assert status == 0
     lines = {line.split()[0]: line for line in out.splitlines()}
-    assert lines.keys() == {row.name for row in ROWS} and len(lines) >= 10
+    assert lines.keys() == set(EXPERIMENTS) and len(lines) >= 4
     assert all(len(line.split()) > 5 for line in lines.values())
 
 
-@pytest.mark.parametrize("row", ROWS, ids=[row.name for row in ROWS])
-@pytest.mark.parametrize("quick", [False, True])
-def test_a_row_opens_its_experiment_with_what_it_needs(row: ExperimentRow, quick: bool) -> None:
-    given: dict[str, Any] = dict.fromkeys(row.takes) | {"brush": "fine", "quick": quick}
-    chosen = {"seed": 7, "seeds": (4, 5), "first": 3, "strokes": 20}
-    given |= {name: value for name, value in chosen.items() if name in row.takes}
-    made: Any = row.open(given)
-    assert (made.NAME, made.brush, made.quick) == (row.name, "fine", quick)
-    for name in chosen.keys() & set(row.takes):
-        assert getattr(made, name) == chosen[name]
-    for option in row.shipped:
-        pictures = getattr(made, option)
-        assert isinstance(pictures, Target) or len(pictures) == (row.quick if quick and row.quick else len(pictures))
-    if "library" in row.takes:
-        made = type(made)(library=small_library(70), title="drawn", quick=quick).prepare(lambda progress: None)
+@pytest.mark.parametrize("name", EXPERIMENTS)
+@pytest.mark.parametrize("quick", [(), ("--quick",)])
+def test_a_command_opens_its_experiment_with_what_it_needs(
+    say: Say, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, quick: tuple[str, ...]
+) -> None:
+    opened: list[Any] = []
+    monkeypatch.setattr(experiments, "conduct", lambda *given: opened.append(given))
+    more = ("--strokes", "20") if name == "sim2real" else ()
+    status, _, err = say(name, "--brush", "fine", "--seeds", "4,5", "--jobs", "3", *quick, *more)
+    assert status == 0, err
+    ((made, folder, jobs),) = opened
+    assert (made.NAME, made.brush, made.quick, made.seeds) == (name, "fine", bool(quick), (4, 5))
+    assert (folder, jobs) == (Path("experiments") / name, 3)
+    assert name != "sim2real" or (made.strokes == 20 and len(made.photos) == 5)
+    assert name != "replanning" or (isinstance(made.photo, Target) and made.photo.name == "coffee")
+    assert name != "semantic" or len(made.photos) == 8
+    if name == "strokes-needed":
+        made = type(made)(library=small_library(70), title="drawn", quick=bool(quick)).prepare(lambda progress: None)
     runs = made.all_runs
     assert runs and all(isinstance(run, Run) for run in runs) and len({run.key for run in runs}) == len(runs)
 
@@ -63,8 +67,8 @@ def test_an_experiment_leaves_its_table_and_pictures_and_is_the_same_in_processe
     small_library(16).save(tmp_path / "mine.npz")
     tables = []
     for jobs in (1, 2):
-        words = ("strokes-needed", "--library", "mine.npz", "--quick", "--jobs", jobs, "--out", f"by-{jobs}")
-        status, out, err = say(*words)
+        given = ("--library", "mine.npz", "--seeds", "0", "--quick", "--jobs", jobs, "--out", f"by-{jobs}")
+        status, out, err = say("strokes-needed", *given)
         folder = tmp_path / f"by-{jobs}" / "strokes-needed"
         assert status == 0 and "mine" in out and str(Path(f"by-{jobs}/strokes-needed/table.md")) in out, err
         record = json.loads((folder / "table.json").read_text())
@@ -80,10 +84,10 @@ def test_an_experiment_leaves_its_table_and_pictures_and_is_the_same_in_processe
         (("sim2real", "--seeds", "1,x"), "'x' is not a whole number"),
         (("sim2real", "--seeds", "1,1"), "twice"),
         (("replanning", "--seeds", "-1"), "-1 is not from 0"),
-        (("ladder", "--strokes", "12"), "12 is not from 13"),
-        (("continuous-strokes", "--brush", "mop"), "mop is no brush; give fine, medium, broad"),
+        (("sim2real", "--strokes", "12"), "12 is not from 13"),
+        (("sim2real", "--brush", "mop"), "mop is no brush; give fine, medium, broad"),
         (("sim2real", "--target", "nowhere.jpg"), "nowhere.jpg does not exist"),
-        (("stroke-model", "--library", "nowhere.npz"), "nowhere.npz does not exist"),
+        (("strokes-needed", "--library", "nowhere.npz"), "nowhere.npz does not exist"),
         (("alchemy",), "alchemy"),
     ],
 )

@@ -25,9 +25,8 @@ from frida_painter_lab.experiment import (
     silent,
     within,
 )
-from frida_painter_lab.goals import SketchExperiment, TextExperiment
 from frida_painter_lab.runs import Run, RunFolder
-from frida_painter_lab.simulation_gap import Sim2Real
+from frida_painter_lab.simulation_gap import Replanning, Sim2Real
 from frida_painter_lab.stroke_models import StrokesNeeded
 from frida_painter_lab.targets import load_shipped_targets
 from marks import small_library
@@ -103,13 +102,10 @@ def test_a_damaged_measurement_is_made_again(tmp_path: Path, damage: str) -> Non
     assert len(made.asked) == 3
 
 
-def test_runs_that_share_work_are_measured_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_runs_that_are_not_done_are_shared_out(tmp_path: Path) -> None:
     made = Counting()
-    first, second, *others = made.all_runs
-    assert [share.runs for share in made.shares(tmp_path)] == [(run,) for run in made.all_runs]
-    monkeypatch.setattr(Counting, "SHARING", "way")
-    made.measure_or_load(first, tmp_path, silent)
-    assert [share.runs for share in made.shares(tmp_path)] == [(second,), tuple(others)]
+    made.measure_or_load(made.all_runs[0], tmp_path, silent)
+    assert [share.runs for share in made.shares(tmp_path)] == [(run,) for run in made.all_runs[1:]]
 
 
 def test_in_processes_failures_stop_no_other_and_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,8 +143,7 @@ def test_a_class_that_other_processes_cannot_import_is_refused_and_told_where_to
     [
         StrokesNeeded(quick=True, library=small_library(20), title="drawn", seeds=(3,)),
         Sim2Real(photos=load_shipped_targets(("cat", "coffee")), seeds=(1, 2), brush="fine"),
-        SketchExperiment(drawings=load_shipped_targets(("pear",)), style=load_shipped_targets(("tissue",))[0]),
-        TextExperiment(first=2),
+        Replanning(photo=load_shipped_targets(("cat",))[0], seeds=(1,)),
     ],
 )
 def test_another_process_finds_the_same_runs(asked: Experiment, tmp_path: Path) -> None:

@@ -1,28 +1,22 @@
-import itertools
-import math
-
 import numpy as np
 import pytest
 import torch
 
 from frida_painter_lab.measures import (
-    direction_agreement,
-    edge_correlation,
     edge_score,
-    exact_emd,
     feature_distance,
     perceptual_distance,
     psnr,
     ssim,
 )
 from support.networks import QuickEncoders, QuickVgg
-from support.planning import CANVAS, picture, some_strokes
+from support.planning import picture
 
 
 def test_the_same_picture_is_perfect_by_every_measure() -> None:
     image = picture(120, 160)
     assert psnr(image, image) > 100
-    assert edge_score(image, image) == 1 and edge_correlation(image, image) == pytest.approx(1)
+    assert edge_score(image, image) == 1
     assert feature_distance(QuickEncoders().meaning(), image, image, 48) == pytest.approx(0, abs=1e-5)
     assert perceptual_distance(QuickVgg(), image, image) == pytest.approx(0, abs=1e-5)
 
@@ -31,7 +25,6 @@ def test_another_picture_is_not() -> None:
     image, other = picture(120, 160), picture(120, 160).flip(1).flip(2)
     assert psnr(image, torch.zeros_like(image)) < 10
     assert edge_score(image, other) < 0.6 and edge_score(image, torch.ones_like(image)) == 0
-    assert edge_correlation(image, other) < 0.5
     assert feature_distance(QuickEncoders().meaning(), image, other, 48) > 0.01
     assert perceptual_distance(QuickVgg(), image, other) > 0.01
 
@@ -44,12 +37,6 @@ def test_an_edge_that_is_a_little_off_is_found_again() -> None:
     assert edge_score(near[:, :200], image[:, :200]) == 1 and edge_score(far[:, :200], image[:, :200]) == 0
 
 
-def test_an_assignment_is_the_exact_transport_between_equal_weights() -> None:
-    cost = torch.rand(6, 6, generator=torch.Generator().manual_seed(0), dtype=torch.float64)
-    best = min(float(cost[range(6), order].mean()) for order in itertools.permutations(range(6)))
-    assert exact_emd(cost) == pytest.approx(best)
-
-
 def test_structural_similarity_is_the_published_one() -> None:
     """The numbers are those of scikit-image 0.26: Gaussian windows, sigma 1.5, population variances."""
     y, x = np.mgrid[0:48, 0:64] / np.array([47, 63])[:, None, None]
@@ -59,12 +46,3 @@ def test_structural_similarity_is_the_published_one() -> None:
     for seen, wanted in [*known, (torch.full_like(other, 0.5), 0.42744665946380866), (one, 1.0)]:
         assert ssim(one, seen) == pytest.approx(wanted, abs=1e-12)
         assert ssim(seen, one) == pytest.approx(ssim(one, seen), abs=1e-12)
-
-
-def test_strokes_agree_with_marks_that_go_their_way() -> None:
-    stripes = (0.5 + 0.4 * torch.sin(torch.arange(120) / 2))[None, :, None].expand(3, -1, 160).contiguous()
-    strokes = some_strokes(40)
-    along, across = (strokes.with_groups(angle=torch.full((40,), angle)) for angle in (math.pi, math.pi / 2))
-    assert direction_agreement(along, stripes, CANVAS) > 0.95
-    assert direction_agreement(across, stripes, CANVAS) < -0.95
-    assert abs(direction_agreement(strokes, stripes, CANVAS)) < 0.4

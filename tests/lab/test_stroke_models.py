@@ -1,8 +1,7 @@
-"""stroke-model and strokes-needed: what is compared, on what, and what is said of it."""
+"""strokes-needed: what is compared, on what, and what is said of it."""
 
 import numpy as np
 import pytest
-import torch
 
 from frida_painter.errors import LibraryError
 from frida_painter_lab import stroke_models
@@ -12,15 +11,11 @@ from frida_painter_lab.stroke_models import (
     MEAN,
     RIVALS,
     ZEROS,
-    StrokeModels,
     StrokesNeeded,
-    errors,
+    find_errors,
     fingerprint,
-    learn,
 )
 from marks import small_library
-
-KINDS = (StrokeModels, StrokesNeeded)
 
 
 @pytest.fixture(scope="module")
@@ -33,43 +28,26 @@ def learned(monkeypatch):
     """Learns nothing, and tells from which strokes and on which ones: the model, the sizes and the two sets."""
     told = []
 
-    def learn(rival, part, **rest):
-        def predict(other):
-            told.append((rival, len(part), set(part.recorded_index.tolist()), set(other.recorded_index.tolist())))
-            share = 0.1 + 0.02 * RIVALS.index(rival) + 0.01 * torch.arange(len(other))[:, None, None]
-            return share.expand(other.magnitude.shape)
+    def find_errors(rival, part, other, **rest):
+        told.append((rival, len(part), set(part.recorded_index.tolist()), set(other.recorded_index.tolist())))
+        return 0.1 + 0.02 * RIVALS.index(rival) + 0.01 * np.arange(len(other)), rival
 
-        return predict
-
-    monkeypatch.setattr(stroke_models, "learn", learn)
-    monkeypatch.setattr(stroke_models, "LEARNED", (*LEARNED,))
-    monkeypatch.setattr(stroke_models, "learn_model", lambda rival, part, **rest: (rival, part))
-    monkeypatch.setattr(stroke_models, "predict_with", lambda model: learn(*model))
+    monkeypatch.setattr(stroke_models, "find_errors", find_errors)
     likely = type("Likelihood", (), {"predicted": 2.0, "constant": 1.0})
     monkeypatch.setattr(stroke_models.training, "likelihood", lambda model, test: likely)
     return told
 
 
-def made(kind, strokes, **rest):
-    return kind(quick=True, library=strokes, title="drawn", **rest).prepare(lambda progress: None)
+def made(strokes, **rest):
+    return StrokesNeeded(quick=True, library=strokes, title="drawn", **rest).prepare(lambda progress: None)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_model_learns_from_the_strokes_that_test_it(kind, strokes, learned):
-    outcome = made(kind, strokes).run()
+def test_no_model_learns_from_the_strokes_that_test_it(strokes, learned):
+    outcome = made(strokes).run()
     assert learned and all(not known & test for _, _, known, test in learned)
     assert {rival for rival, *_ in learned} >= {*LEARNED, BEZIER}
     assert outcome.title.endswith(": drawn") and outcome.settings["library"] == "drawn"
-    assert set(outcome.pictures) == {kind.NAME}
-
-
-def test_models_are_compared_stroke_by_stroke(strokes, learned):
-    rows = made(StrokeModels, strokes, seed=1).run().tables[0].rows
-    assert [row["model"] for row in rows] == [*LEARNED, BEZIER]
-    for row in rows[:-1]:
-        assert row["best stroke"] <= row["mean L1"] <= row["worst stroke"]
-        assert 0 <= row["p, paired t-test"] <= 1 and 0 < row["p, Wilcoxon"] <= 1
-    assert rows[-1]["p, Wilcoxon"] is None
+    assert set(outcome.pictures) == {"strokes-needed"}
 
 
 def test_the_numbers_of_strokes_are_those_that_the_library_has(strokes):
@@ -78,35 +56,32 @@ def test_the_numbers_of_strokes_are_those_that_the_library_has(strokes):
 
 
 def test_every_rival_is_in_the_table_of_all_splits(strokes, learned, tmp_path):
-    first = made(StrokesNeeded, strokes, seeds=(0, 1)).run(tmp_path)
+    first = made(strokes, seeds=(0, 1)).run(tmp_path)
     whole, varies, fewer = (table.rows for table in first.tables)
     assert [row["model"] for row in whole] == list(RIVALS) and [row["split"] for row in varies] == [0, 1]
     assert {row["strokes"] for row in whole} == {26} and {row["strokes"] for row in fewer} == {6}
     learned.clear()
-    assert made(StrokesNeeded, strokes, seeds=(0, 1)).run(tmp_path).tables == first.tables and learned == []
-    made(StrokesNeeded, strokes[:29], seeds=(0, 1)).run(tmp_path)
+    assert made(strokes, seeds=(0, 1)).run(tmp_path).tables == first.tables and learned == []
+    made(strokes[:29], seeds=(0, 1)).run(tmp_path)
     assert learned, "of another library everything is learned"
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_too_small_a_library_is_refused(strokes, kind):
+def test_too_small_a_library_is_refused(strokes):
     with pytest.raises(LibraryError, match="has 7 strokes"):
-        made(kind, strokes[:7])
+        made(strokes[:7])
 
 
 @pytest.mark.parametrize("rival", RIVALS)
-def test_every_rival_predicts_the_crops_as_they_are_stored(strokes, rival):
+def test_every_rival_is_held_against_the_crops_as_they_are_stored(strokes, rival):
     known, test = strokes[:16], strokes[16:]
-    marks = learn(rival, known, seed=0, quick=True)(test)
-    assert marks.shape == test.magnitude.shape and float(marks.min()) >= 0 and float(marks.max()) <= 1
-    wanted = {
-        ZEROS: test.magnitude.mean((1, 2)) / 255,
-        MEAN: np.abs(test.magnitude - known.magnitude.mean(0)).mean((1, 2)) / 255,
-    }
+    error, model = find_errors(rival, known, test, seed=0, quick=True)
+    bare = test.magnitude.mean((1, 2)) / 255
+    wanted = {ZEROS: bare, MEAN: np.abs(test.magnitude - known.magnitude.mean(0)).mean((1, 2)) / 255}
+    assert error.shape == (len(test),) and ((error >= 0) & (error <= 1)).all() and (model is None) == (rival in wanted)
     if rival in wanted:
-        np.testing.assert_allclose(errors(marks, test), wanted[rival], rtol=1e-5)
+        np.testing.assert_allclose(error, wanted[rival], rtol=1e-5)
     if rival == BEZIER:
-        assert errors(marks, test).mean() < 0.4 * wanted[ZEROS].mean()
+        assert error.mean() < 0.4 * bare.mean()
 
 
 def test_another_pixel_is_another_library(strokes):

@@ -80,11 +80,6 @@ class StyleTerm(PictureTerm):
 _SMALL = 1e-8
 
 
-def cosine_cost(a: Tensor, b: Tensor) -> Tensor:
-    """Returns cosine distances [n, m] in [0, 2] between rows of a [n, c] and b [m, c]; 1 for a row of zeros."""
-    return 1 - _unit(a) @ _unit(b).T
-
-
 def euclidean_cost(a: Tensor, b: Tensor) -> Tensor:
     """Returns distances [n, m] between rows of a [n, c] and b [m, c]. The gradient is finite for equal rows."""
     squared = a.square().sum(1)[:, None] + b.square().sum(1)[None] - 2 * a @ b.T
@@ -104,7 +99,7 @@ def _unit(rows: Tensor) -> Tensor:
 class Cloud:
     """Cloud of features to be matched, [n, c], with all that does not change kept.
 
-    cosine: True for the cosine cost of `cosine_cost`, False for the distance of `euclidean_cost`
+    cosine: True for one less the cosine, False for the distance of `euclidean_cost`
     """
 
     def __init__(self, rows: Tensor, *, cosine: bool) -> None:

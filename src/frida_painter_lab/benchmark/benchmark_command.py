@@ -8,7 +8,7 @@ import typer
 
 from frida_painter.errors import ConfigError, TryFailed
 from frida_painter.runs.options import out_folder, whole_number_within
-from frida_painter_lab.sweeps.sweep_command import Jobs
+from frida_painter_lab.commands import Jobs, conduct
 
 _DEFAULT_OUT = Path("benchmark")
 _seed = whole_number_within(0, 2**31 - 1)
@@ -177,7 +177,6 @@ def table(
     """
     from frida_painter_lab.benchmark.suite import PICTURES, SEEDS
     from frida_painter_lab.benchmark.table import ENTRANTS, BenchmarkTable, write_page
-    from frida_painter_lab.commands import conduct
 
     folders = {name: folder.absolute() for name, folder in hand_in or ()}
     for folder in folders.values():

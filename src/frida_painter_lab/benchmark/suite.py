@@ -9,7 +9,8 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -48,57 +49,13 @@ class Budget:
     dips: int
 
 
-BUDGETS: Mapping[int, Budget] = {
-    100: Budget(100, 12, 60.0, 100),
-    300: Budget(300, 12, 150.0, 250),
-    1000: Budget(1000, 24, 420.0, 700),
-}
+_FIXED = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
+BUDGETS: Mapping[int, Budget] = {one["strokes"]: Budget(**one) for one in _FIXED["budgets"]}
 """Budgets by their number of strokes."""
-
-_PICTURES: Mapping[str, tuple[str, str]] = {
-    "astronaut": ("portrait", "a4e9f56d3660e878e07bd4e21248a6be0e8b655dde4c314878f07e2651a77b7d"),
-    "smile": ("portrait", "549d666e2122b36d8418c325af0fcab95c4f9d222c0cd5a36866208e80cbf6a3"),
-    "cameraman": ("portrait", "e073ad8bbc03bfaf1e41a35c24d7a4afacaeb86832a850fac15adcd3db4dfcac"),
-    "cat": ("animal", "fb9f769d2c57a9bcbb8950aa05233d0f769a9b621c4d573a05923aef0e460f31"),
-    "raccoon": ("animal", "648c15d3f52852f6c3606bab2c210a9f60aac647e3f7ee6ae5e38700fdba29ab"),
-    "dogs": ("animal", "605940d1baefa81363811e1efc150184c0187a61bf62dd93b2b0b46407cf4d05"),
-    "mountain": ("place", "d6738033d4c03fc1a6d2c839c98fcf863af4b6f12c48a5dca85e19225a2296f9"),
-    "temple": ("place", "13050d8ea82ead1c4c4af4c4b305333c25932d16638eb95f8bc564cbe1e1d6c7"),
-    "stream": ("place", "acf8ff06ed8c5daeb7e0058df3515797910320a27c4ca33d85c8ef8077231dc2"),
-    "coffee": ("still life", "f2a6c3a51070b8141e593135ed1a6baa31ac132e620b2e3422b503918bc881b4"),
-    "fig": ("still life", "d6bd5ea6e1a91eff888ff67fb88b048af48ed70186a23374360656f30cee30fd"),
-    "brushes": ("still life", "1b3bc95cb502f26f57f4df75539e88c89d8bd4bab3b4f959ea80002ac18944af"),
-    "bottle": ("still life", "0568cbdf3a6ddaac0b07a770ce199ab1e92618fc8bf774bdb4f12f69e024b3f3"),
-    "coins": ("still life", "603d505722c1bda2fce4a836d80cb889b2266ca44308b8cad3ba4c1530ae938d"),
-    "flower": ("still life", "8cc2b537f298fc732b9ae5f3a7f66338fec58c52b1b5c882406eb4c763ca482a"),
-    "dandelions": ("still life", "a3b9a4670549cdcf70721f199c4a98042fc089bdacaf5258480b3d5e043f4c84"),
-    "rocket": ("night", "279d89e6d143958974ed8c900732b822e67f817cc9167f82bc43a1a06e786c59"),
-    "galaxies": ("night", "32d941c9c37a3c9f0d5d97eb318de6ab12c92ba4d3fdd45f193fda4d1ef8ade9"),
-    "moon": ("night", "44dac451670a9d1741c6042bd2b27764e8a635269e4ef410b617791d67f6e832"),
-    "dusk": ("night", "f1ea7f5effbfca735d42be6ea2c17555e763727beee500929b79c073bbf6a653"),
-    "peaks": ("snow", "0e19ef15bec5aa5691372164950fed7fdf541a2ac49f447c417b20b07a97b1cd"),
-    "glacier": ("snow", "d60f0b79b0a7f2b6beabf3926e046cac16002a1b0cf6c9a8da697eb5799c0289"),
-    "sailing-boat": ("drawing", "acc06446512965f62d07c2b938d7dadf59fe22c3ece2459ed07e50d2c35373a1"),
-    "house": ("drawing", "5d25ad1d7158e171e41c15be35e0a7ac4475ae495e036d30fdbeaa8cd9f78b9c"),
-}
-"""Category and sha256 of each picture; pictures/README.md has the authors and licences."""
+_PICTURES: Mapping[str, tuple[str, str]] = _FIXED["pictures"]
 PICTURES = tuple(_PICTURES)
-
-GOALS: Mapping[str, tuple[Mapping[str, Any], ...]] = {
-    "rocket-and-dusk": ({"image": "rocket"}, {"image": "dusk", "weight": 0.5}),
-    "coffee-and-coins": ({"image": "coffee"}, {"image": "coins", "weight": 0.3}),
-    "flower-in-brushes": ({"image": "flower"}, {"style": "brushes", "weight": 2.0}),
-    "temple-in-dusk": ({"image": "temple"}, {"style": "dusk", "weight": 2.0}),
-    "cat-by-content": ({"semantic": "cat"}, {"image": "cat", "weight": 0.3}),
-    "peaks-in-stream": ({"semantic": "peaks"}, {"style": "stream"}),
-    "boat-in-dusk": ({"sketch": "sailing-boat"}, {"style": "dusk"}),
-    "house-in-flower": ({"sketch": "house"}, {"style": "flower"}),
-    "boat-on-the-sea": ({"sketch": "sailing-boat"}, {"text": "a sailing boat on the sea"}),
-    "house-in-snow": ({"sketch": "house"}, {"text": "a house in the snow"}),
-    "lemon-like-fig": ({"text": "a lemon"}, {"style": "fig"}),
-    "moon-like-galaxies": ({"text": "the moon"}, {"style": "galaxies"}),
-}
-"""Combined goals; pictures are named. The first two need no network, the others those of `models fetch`."""
+GOALS: Mapping[str, Sequence[Mapping[str, Any]]] = _FIXED["goals"]
+"""Combined goals, which name their pictures."""
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,7 @@ from frida_painter_lab.benchmark.rivals import GREEDY_BRUSHES, PLAIN_BRUSH, plan
 from frida_painter_lab.benchmark.suite import VERSION, BenchmarkGoal, Budget, find_budget, find_goal, suite_digest
 from frida_painter_lab.benchmark.svg_strokes import read_svg
 from frida_painter_lab.measures import feature_distance, psnr, ssim
-from frida_painter_lab.paintings import StudioWithout
+from frida_painter_lab.paintings import WatchedStudio
 from frida_painter_lab.runs import Labels, Run, Value
 from frida_painter_lab.statistics import Mean, Result, paired_tests
 from frida_painter_lab.sweeps.runner import fix_to_plan
@@ -215,7 +215,7 @@ class BenchmarkTable(experiment.Experiment):
                 )
             with PaintingRun(spec, encoders=encoders) as opened:
                 first = entrant.make(opened, goal.picture, budget)
-        meter, studio = _Meter(budget), StudioWithout()
+        meter, studio = _Meter(budget), WatchedStudio()
         spec = spec if first is None else fix_to_plan(spec, first)
         with PaintingRun(spec, listeners=[meter.hear], encoders=encoders) as opened:
             opened.controls = replace(opened.controls, stop_asked=meter.is_spent)

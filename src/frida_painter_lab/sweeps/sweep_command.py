@@ -10,9 +10,9 @@ import typer
 from typer.core import TyperGroup
 
 from frida_painter.errors import Interrupted, TryFailed
-from frida_painter.runs.options import out_folder, whole_number_within
+from frida_painter.runs.options import out_folder
 from frida_painter.system.storage import count_of
-from frida_painter_lab.commands import show_progress
+from frida_painter_lab.commands import Jobs, show_progress
 
 if TYPE_CHECKING:
     from frida_painter.runs.spec import RunSpec
@@ -28,14 +28,6 @@ Out = Annotated[
         parser=out_folder,
         metavar="FOLDER",
         help="The folder of the sweep. The same one continues it. [dim]sweeps/NAME[/]",
-    ),
-]
-Jobs = Annotated[
-    int | None,
-    typer.Option(
-        parser=whole_number_within(1, 4096),
-        metavar="N",
-        help="Number of runs at the same time. [dim]as many as there are cores and memory for[/]",
     ),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a very large sweep.")]

@@ -12,8 +12,6 @@ from frida_painter.system import images
 
 SHIPPED = ("astronaut", "cat", "coffee", "retina", "rocket")
 PHOTOGRAPHS = (*SHIPPED, "cameraman", "coins", "galaxies")
-STYLES = ("tissue", "galaxies")
-DRAWINGS = ("sailing-boat", "mug", "pear", "house")
 
 
 @dataclass(frozen=True)
@@ -37,9 +35,7 @@ class Target:
 
 def load_shipped_targets(names: Sequence[str] = SHIPPED) -> tuple[Target, ...]:
     """Returns the project's own pictures of these names."""
-    return tuple(
-        Target.read(Path(__file__).with_name(f"{name}.{'png' if name in DRAWINGS else 'jpg'}")) for name in names
-    )
+    return tuple(Target.read(next(Path(__file__).parent.glob(f"{name}.*"))) for name in names)
 
 
 def load_targets(paths: Sequence[Path]) -> tuple[Target, ...]:
