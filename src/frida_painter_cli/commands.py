@@ -60,7 +60,8 @@ _LISTED = {
     "frida_painter_cli.painting": {
         "paint": "Paint a photograph or a text prompt. Plans, paints some strokes, looks at the canvas and replans the "
         "rest.",
-        "plan": "Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix.",
+        "plan": "Plan the strokes without painting. Writes the plan, a picture of it, the palette to mix and a "
+        "shopping list.",
         "render": "Render a plan as a picture of any size, with the stroke models of its brushes.",
         "resume": "Continue a painting that was stopped, paused or killed, from its folder.",
         "watch": "Follow a painting that another terminal or the studio makes, until it ends or pauses for good.",

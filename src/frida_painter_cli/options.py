@@ -149,8 +149,8 @@ class Wells:
         if not self.poured:
             sheet = self._sheet(wanted)
             prompt = (
-                f"Fill {len(wanted)} wells as on {self.folder / sheet} ({sheet.replace('palette', 'mixing')} tells how "
-                "to mix them). Press Enter when they are filled, or type the file that tells what you mixed: "
+                f"Fill {len(wanted)} wells as on {self.folder / sheet} (mixing.png tells how to mix them). Press Enter "
+                "when they are filled, or type the file that tells what you mixed: "
             )
         while True:
             try:
@@ -180,9 +180,16 @@ class Wells:
 
 TAKEN = frozenset(RunSpec.model_fields) - {"goal"} | {
     *("photo", "settings", "out", "ask", "yes", "candidates", "brush", "help_all", "plan", "page"),
+    "variants",
     *ImaginingSettings.model_fields,
 }
 """Names of options that no kind of goal can have."""
+VARIANTS: dict[str, dict[str, Any]] = {
+    "loose": {"strokes": 110, "brushes": "broad:80%,medium:20%", "seed": 1},
+    "faithful": {},
+    "graphic": {"colors": 5, "new_paints": False, "brushes": "broad:40%,fine:60%"},
+}
+"""Settings of the variants of a plan, by name, in the order of their numbers."""
 _FILES = "Where the painting goes"
 _NAMES = {"brushes": ("--brushes", "--brush")}  # most people name one
 _WITHOUT_OPTION = ("title", "goal", "initial")
@@ -269,7 +276,7 @@ def _option(field: FieldInfo, heading: str, parser: Callable[[str], str] | None,
 
 # Help of a command with many options: one screen of those that people use, and all of them with --help-all.
 
-_OTHERS = ("text", "style", "sketch", "semantic", "out")
+_OTHERS = ("text", "style", "sketch", "semantic", "variants", "out")
 """Options of the short help beside those of common settings."""
 _SHORT = 36  # letters of a default that the short help tells
 

@@ -12,11 +12,13 @@ import typer
 from frida_painter import registry
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import ConfigError, Interrupted
+from frida_painter.planning.settings import PlanSettings
 from frida_painter.runs.options import PaceOption, taking, whole_number_within, with_fields
 from frida_painter.runs.spec import OF_PAINTINGS
 from frida_painter_cli.imagining import imagine_beginning
 from frida_painter_cli.options import (
     TAKEN,
+    VARIANTS,
     AskOption,
     BriefCommand,
     FilledOption,
@@ -54,7 +56,23 @@ Candidates = Annotated[
 ]
 GivenPlan = Annotated[
     Path | None,
-    taking("FILE", "A plan.json of this goal and these settings, painted instead of a new plan.", "--plan"),
+    taking(
+        "FILE", "A plan.json of this goal and these settings, or a variant, painted instead of a new plan.", "--plan"
+    ),
+]
+_SETS = "; ".join(
+    f"{name}, {', '.join(f'{key.replace(chr(95), chr(45))} {value}' for key, value in settings.items()) or 'as usual'}"
+    for name, settings in VARIANTS.items()
+)
+Variants = Annotated[
+    int | None,
+    taking(
+        "N",
+        f"Make so many plans side by side to choose from: {_SETS}. Your own settings hold in all of them. "
+        "[dim]one plan as usual[/]",
+        parser=whole_number_within(1, len(VARIANTS)),
+        rich_help_panel=PlanSettings.panel,
+    ),
 ]
 
 
@@ -98,11 +116,12 @@ def paint(
         from frida_painter.system.devices import prepare_process
         from frida_painter_cli.leading import Leader, answer_early, ready_planner, say_films
         from frida_painter_cli.stop_signal import stop_on_signals
+        from frida_painter_cli.variants import fit_to_plan
 
         prepare_process()
         if plan is not None:
             chosen = Plan.load(plan)
-            spec = spec.with_values(ground=ground_of(chosen))
+            spec = fit_to_plan(spec, chosen).with_values(ground=ground_of(chosen))
         differs = led is not None
         with stop_on_signals() as stop, PaintingRun(spec, given["out"], record_may_differ=differs) as run:
             say_films(run.spec)
@@ -148,48 +167,15 @@ def _require_canvas_for_two(spec: "RunSpec", candidates: int, *, asked: bool) ->
         raise ConfigError(f"--together answers a person, and {option} is for paintings without one; leave out one.")
 
 
-def plan(*, photo: Photo = None, **given: Any) -> None:
-    """Plan the strokes without painting. Writes the plan, a picture of the plan and the palette to mix."""
+def plan(*, photo: Photo = None, variants: Variants = None, **given: Any) -> None:
+    """Plan the strokes without painting. Writes the plan, a picture of it, the palette to mix and a shopping list."""
     spec, out = imagine_beginning(spec_of(photo, given), given, asked=True, paints=False), given["out"]
-    from rich.console import Console
+    from frida_painter_cli.variants import plan_once, plan_variants
 
-    from frida_painter.planning.mixable import mixing_changes
-    from frida_painter.planning.optimize import Step
-    from frida_painter.report.sheets import palette_sheet, sheet_file
-    from frida_painter.runs.painting_folder import new_folder
-    from frida_painter.runs.run import PaintingRun
-    from frida_painter.system import images
-    from frida_painter.system.devices import prepare_process
-    from frida_painter_cli.leading import PLAN_ROOM, ready_planner, say
-    from frida_painter_cli.stop_signal import stop_on_signals
-    from frida_painter_cli.terminal import PlanningLine
-
-    prepare_process()
-    with stop_on_signals() as stop, PaintingRun(spec) as run:
-        expected = ready_planner(run, stop, out)
-        folder = new_folder(out, run.spec.name, PLAN_ROOM)
-        with PlanningLine(Console(stderr=True, highlight=False), expected) as bar:
-
-            def hear(step: Step) -> None:
-                bar.hear(step)
-                if stop.asked:
-                    raise Interrupted(
-                        "You stopped the planning, and nothing was saved. Run the command again to plan from the start."
-                    )
-
-            made = run.plan(hear)
-        picture, forecast = run.planner.expected(made), run.forecast(made)
-        images.save(picture, folder / "plan.png")
-        for layer, part in made.by_wells():
-            images.save(palette_sheet(part), folder / sheet_file("palette.png", layer))
-        run.plan_into(folder, made)  # the last, because its record holds the hashes of all files
-    say(
-        f"The plan:    {folder / 'plan.json'}",
-        f"As picture:  {folder / 'plan.png'}",
-        f"Palette:     {folder / 'palette.png'}",
-        *([f"Similarity:  {forecast} (PSNR at {picture.shape[2]} x {picture.shape[1]} pixels)"] if forecast else []),
-        *(f"{what}: {words}" for what, words in mixing_changes(made).items()),
-    )
+    if variants is None:
+        plan_once(spec, out)
+    else:
+        plan_variants(spec, out, variants)
 
 
 def render(

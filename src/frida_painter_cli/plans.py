@@ -27,8 +27,9 @@ from frida_painter.system.storage import count_of
 from frida_painter_cli.options import PictureOut, PlanFile
 
 if TYPE_CHECKING:
-    from frida_painter.mixing.recipe import Recipe
+    from frida_painter.mixing.shopping import BrushPaints
     from frida_painter.strokes.palette import Palette
+    from frida_painter.strokes.plan import Plan
 
 _Record = Annotated[
     Path | None, taking("FILE", "The easel's calibration record. [dim]the heights of the workspace[/]", "--calibration")
@@ -65,34 +66,34 @@ def mix(
 ) -> None:
     """Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.
 
-    For a plan it also gives the amount of each paint, and the paints of each filling of the wells on their
-    own, with a sheet each (mixing-layer-2.png). Colours that your paints cannot reach are marked.
-    The recipes are also written as a sheet to print. docs/how-to/mix.md explains the file of your own paints.
+    For a plan it also gives the amounts, brush by brush in the order of work, and the tubes to buy. Colours that
+    your paints cannot reach are marked. The recipes are also written as a sheet to print. docs/how-to/mix.md
+    explains the file of your own paints.
     """
     from frida_painter.mixing.paint import usual_paints
     from frida_painter.mixing.recipe import PaintSet
-    from frida_painter.report.sheets import mixing_sheet, sheet_file
+    from frida_painter.mixing.shopping import BrushPaints, Mixture, paints_by_brush
+    from frida_painter.report.sheets import mixing_sheet, shopping_list
     from frida_painter.system import images
     from frida_painter.system.devices import prepare_process
 
     prepare_process()
     owned = (PaintSet.of(paints) if paints else None) or PaintSet(usual_paints())
-    for layer, palette, wanted in _list_fillings(what):
-        of, sheet = ("", out) if layer == 1 else (f", layer {layer}", out.with_name(sheet_file(out.name, layer)))
-        found = replace(owned, finish=finish or owned.finish).mix(palette.color, most)
-        images.save(mixing_sheet(found, wanted, f"Mixing{of}"), sheet)
-        if of:
-            print(f"\nFill the wells anew before layer {layer}:")
-        _show(found, wanted)
-        print(f"The sheet: {sheet}")
+    plan, palette = _read_plan_or_palette(what)
+    recipes = replace(owned, finish=finish or owned.finish).mix(palette.color, most)
+    if plan is not None:
+        found = paints_by_brush(plan, recipes)
+    else:
+        found = (BrushPaints("", tuple(Mixture(recipe, ((1, well),)) for well, recipe in enumerate(recipes, 1))),)
+    images.save(mixing_sheet(found, "Mixing"), out)
+    _show(found)
+    if plan is not None:
+        print(shopping_list(found))
+    print(f"The sheet: {out}")
 
 
-def _list_fillings(path: Path) -> list[tuple[int, "Palette", list[float] | None]]:
-    """Returns each filling of the wells: the number of its layer, from 1, its paints, and the amount of each paint.
-
-    Amounts are in millilitres; None without a plan.
-    """
-    from frida_painter.mixing.recipe import volumes
+def _read_plan_or_palette(path: Path) -> tuple["Plan | None", "Palette"]:
+    """Returns the plan of a file or folder with all its paints; no plan if the file is a palette."""
     from frida_painter.perception.color import read_palette
     from frida_painter.strokes.plan import Plan
 
@@ -100,30 +101,31 @@ def _list_fillings(path: Path) -> list[tuple[int, "Palette", list[float] | None]
     if not is_plan:
         with storage.open_checked(path, "a plan or a palette", storage.MAX_JSON_BYTES, ConfigError) as file:
             is_plan = b'"frida-painter plan"' in file.read(200)
-    if is_plan:
-        plan = Plan.load(path)
-        return [(layer, part.palette, volumes(part).tolist()) for layer, part in plan.by_wells()]
-    return [(1, read_palette(path, None), None)]
+    plan = Plan.load(path) if is_plan else None
+    return plan, read_palette(path, None) if plan is None else plan.palette
 
 
-def _show(found: list["Recipe"], wanted: list[float] | None) -> None:
+def _show(paints: tuple["BrushPaints", ...]) -> None:
     from frida_painter.mixing.recipe import GOOD, REACHED
+    from frida_painter.report.sheets import format_amount
     from frida_painter.strokes.palette import to_hex
 
-    table = Table("", "colour", "parts", "off", "", box=None, padding=(0, 2, 0, 0))
-    for number, recipe in enumerate(found, 1):
-        color = to_hex(recipe.target)
-        amount = f"{wanted[number - 1]:.0f} ml" if wanted else ""
-        mood = "red" if not recipe.within_reach else "yellow" if recipe.off > GOOD else "green"
-        off = f"[{mood}]{recipe.off:.1f}  {recipe.verdict}".rstrip() + "[/]"
-        table.add_row(f"[on {color}]    [/] {number}", color, recipe.words, off, amount)
     console = Console(highlight=False, soft_wrap=True)
-    console.print(table)
-    missed = [str(number) for number, recipe in enumerate(found, 1) if not recipe.within_reach]
-    if missed:
+    for brush in paints:
+        if brush.title:
+            console.print("", brush.title, *filter(None, [brush.kept]), sep="\n", markup=False)
+        table = Table("", "colour", "parts", "off", "to mix", box=None, padding=(0, 2, 0, 0))
+        for mixture in brush.mixtures:
+            recipe, color = mixture.recipe, to_hex(mixture.recipe.target)
+            mood = "red" if not recipe.within_reach else "yellow" if recipe.off > GOOD else "green"
+            off = f"[{mood}]{recipe.off:.1f}  {recipe.verdict}".rstrip() + "[/]"
+            amount = "" if mixture.volume is None else f"{format_amount(mixture.volume)}  [dim]{mixture.also}[/]"
+            table.add_row(f"[on {color}]    [/] {mixture.wells[0][1]}", color, recipe.words, off, amount)
+        console.print(table)
+    if any(not mixture.recipe.within_reach for brush in paints for mixture in brush.mixtures):
         console.print(
-            f"Out of reach of these paints (more than {REACHED:g} CIEDE2000 off): {', '.join(missed)}. "
-            "What stands there comes nearest; own more paints, or plan with what you can mix (--palette)."
+            f"Out of reach of these paints: more than {REACHED:g} CIEDE2000 off. What stands there comes nearest; own "
+            "more paints, or plan with what you can mix (--palette)."
         )
 
 

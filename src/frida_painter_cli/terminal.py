@@ -100,7 +100,10 @@ class PlanningLine(Line):
 
     def hear(self, step: Step) -> None:
         """Shows a step; later steps, with all strokes placed, take longer than the first."""
-        share = share_of_plan(step.iteration, step.of)
+        self.show(share_of_plan(step.iteration, step.of))
+
+    def show(self, share: float) -> None:
+        """Shows the share of the work that is done."""
         left = self._plan_time.find_remaining(share)
         self.update(self.task, description=f"planning {100 * share:3.0f} %", completed=share, left=left)
 

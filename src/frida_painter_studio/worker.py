@@ -14,9 +14,10 @@ from frida_painter.easel.dialogue import Answer, SetupQuestion
 from frida_painter.easel.kinds import SIMULATION_LOG, STOP_FILE
 from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.hardware.easel import Easel
-from frida_painter.mixing.recipe import volumes
+from frida_painter.mixing.shopping import BrushPaints, supplies
 from frida_painter.planning.mixable import mixing_changes
 from frida_painter.planning.optimize import Step
+from frida_painter.report.sheets import RecipeSheets, format_amount
 from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import paints_for_recipes
@@ -24,6 +25,7 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session import events
 from frida_painter.session.opening import adopt_camera, statuses
 from frida_painter.session.time_left import PlanTime, share_of_plan
+from frida_painter.strokes.palette import to_hex
 from frida_painter.system import event_log, images, storage
 from frida_painter.system.devices import prepare_process
 from frida_painter_calibration.calibrating import CalibrationSetup, calibrate_one, easel_of, record_to_renew
@@ -214,17 +216,29 @@ def make_plan(job: Job, place: PlanFolder) -> None:
             export(made, models, place.path, run.spec.drying)
         expected = planner.expected(made, bare)
         nearer = 1 - planner.validation_loss(expected) / max(planner.validation_loss(bare), 1e-9)
-        owned = paints_for_recipes(run.spec)
-        amounts = zip(owned.mix(made.palette.color), volumes(made).tolist(), strict=True)
+        paints = RecipeSheets(place.path, paints_for_recipes(run.spec)).write(made)
         told = {
             **draw_plan(made, models, bare, place.path),
             "nearer": round(nearer, 4),
             "seconds": round(time.monotonic() - started, 1),
-            "mixtures": [
-                {"recipe": recipe.words, "millilitres": round(amount, 1), "near": recipe.within_reach}
-                for recipe, amount in amounts
-            ],
+            "brushes": [{"title": brush.title, "mixtures": _tell_mixtures(brush)} for brush in paints],
+            "shopping": [f"{supply.in_tubes} {supply.paint.title}" for supply in supplies(paints)],
             "mixing": mixing_changes(made),
             "remarks": list(planner.encoders.remarks),
         }
     feed.tell(events.ResultFound("plan", plan=place.number, detail=told))
+
+
+def _tell_mixtures(brush: BrushPaints) -> list[dict[str, Any]]:
+    """Returns the paints of one brush for the page."""
+    return [
+        {
+            "well": mixture.wells[0][1],
+            "hex": to_hex(mixture.recipe.target),
+            "recipe": mixture.recipe.words,
+            "amount": "" if mixture.volume is None else format_amount(mixture.volume),
+            "also": mixture.also,
+            "near": mixture.recipe.within_reach,
+        }
+        for mixture in brush.mixtures
+    ]

@@ -20,7 +20,6 @@ from frida_painter.render import render
 from frida_painter.render.exporter import ExportOptions, export_plan
 from frida_painter.render.painting import render_on
 from frida_painter.report.painters import PERSON, find_painters
-from frida_painter.report.sheets import palette_sheet, sheet_file
 from frida_painter.report.story import paints
 from frida_painter.report.vector import plan_widths, svg
 from frida_painter.session import events
@@ -104,8 +103,8 @@ def draw_plan(
 ) -> dict[str, Any]:
     """Writes pictures of a plan on a canvas [3, H, W] into `folder`; returns facts about it for the page.
 
-    The files are the whole plan, the canvas after several numbers of strokes for the slider, the paths of all
-    strokes, and the palette. All names begin with `prefix`. Raises StorageError.
+    The files are the whole plan, the canvas after several numbers of strokes for the slider, and the paths of all
+    strokes. All names begin with `prefix`. Raises StorageError.
     """
     count = min(_FRAMES, len(plan))
     frames = [0, *(len(plan) * (number + 1) // count for number in range(count))]
@@ -116,8 +115,6 @@ def draw_plan(
         images.save(picture, folder / f"{prefix}after-{end}.jpg")
     grid = PixelGrid.of_height(plan.canvas, _ROWS)
     images.save(render_on(plan, models, images.fit(canvas, grid.rows, grid.columns)), folder / f"{prefix}plan.jpg")
-    for layer, part in plan.by_wells():
-        images.save(palette_sheet(part), folder / f"{prefix}{sheet_file('palette.png', layer)}")
     storage.write_text(folder / f"{prefix}strokes.json", _strokes_json(plan, models))
     palette = [
         {"number": paint.number, "hex": paint.hex, "strokes": paint.strokes, "share": round(paint.share, 4)}

@@ -24,10 +24,8 @@ from frida_painter.mixing.recipe import (
     REACHED,
     PaintSet,
     Recipe,
-    volumes,
 )
 from frida_painter.strokes.palette import ciede2000, difference, from_hex, to_lab
-from support.plans import made_up_plan
 
 SIX = usual_paints()
 
@@ -192,11 +190,3 @@ def test_the_search_among_many_paints_stays_small(monkeypatch: pytest.MonkeyPatc
 def test_without_paints_there_is_no_mixture(paints: list, most: int) -> None:
     with pytest.raises(ConfigError, match="mixing takes"):
         recipes(torch.rand(1, 3), paints, most)
-
-
-def test_each_paint_is_wanted_by_the_area_that_it_paints_and_never_less_than_can_be_dipped_in() -> None:
-    plan = made_up_plan(400, 4)
-    lengths = plan.strokes.length.double() * (0.25 + 0.75 * plan.strokes.thickness.double()) * 0.017
-    area = torch.zeros(4, dtype=torch.float64).index_add(0, plan.paint, lengths)
-    assert volumes(plan).tolist() == pytest.approx((area * 300).clamp(min=3).tolist(), rel=1e-5)
-    assert volumes(plan.part(slice(1))).tolist() == [3, 3, 3, 3]

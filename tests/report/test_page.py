@@ -9,9 +9,12 @@ import pytest
 import torch
 
 from frida_painter.errors import StorageError
+from frida_painter.mixing.paint import usual_paints
+from frida_painter.mixing.recipe import PaintSet
+from frida_painter.mixing.shopping import paints_by_brush, supplies
 from frida_painter.report.page import page, write_page
 from frida_painter.report.recorder import Description
-from frida_painter.report.story import PictureComparison, paints
+from frida_painter.report.story import PictureComparison
 from frida_painter.session.events import Looked, NewGoal, Planned
 from frida_painter.session.fold import BrushState, End, PaintingState, PlanningState, Sittings, StrokeProgress, Wishes
 from frida_painter.session.progress import Painting
@@ -34,14 +37,16 @@ STATE = PaintingState(
     planning=PlanningState(phases=PHASES, forecasts=[(0, (20.0, 19.5, 20.5))], expected_seconds=90.0),
     wishes=Wishes(goals=[NewGoal("changes/1", {}, facts=("Words: a fox", "Style"), done=4)]),
 )
+_PLAN = made_up_plan(40)
+PAINTS = paints_by_brush(_PLAN, PaintSet(usual_paints()).mix(_PLAN.palette.color))
 STORY: dict[str, Any] = {
     "described": DESCRIBED,
     "state": STATE,
-    "plan": made_up_plan(40),
+    "plan": _PLAN,
     "painting": Painting(PAPER, 40, None, 60.0, "The last photograph is dark."),
     "has_film": True,
-    "has_recipes": True,
-    "paints": paints(made_up_plan(40)),
+    "paints": PAINTS,
+    "supplies": supplies(PAINTS),
     "looks": LOOKS,
     "comparisons": (PictureComparison("the painting to the photograph", 18.24, 12.5, (340, 256)),),
     "watched": True,
@@ -89,7 +94,7 @@ def test_the_page_shows_every_picture_of_the_story() -> None:
     assert set(pictures) == set(reader.all("img", "src"))
     assert reader.all("video", "src") == ["film.mp4"]
     links = set(reader.all("a", "href"))
-    assert {"palette.png", "mixing.png", "plan.json", "strokes.svg"} <= links
+    assert {"palette.png", "mixing.png", "shopping.png", "shopping.txt", "plan.json", "strokes.svg"} <= links
 
 
 def test_the_page_says_what_the_story_says() -> None:
@@ -114,7 +119,10 @@ def test_the_page_says_what_the_story_says() -> None:
         "0.03 before, 0.02",
     ):
         assert words in text
-    assert "18.2" in text and "12.5" in text and "Seed7" in text and STORY["paints"][0].hex in text
+    assert "18.2" in text and "12.5" in text and "Seed7" in text
+    for brush in PAINTS:
+        assert brush.title in text and all(mixture.recipe.words in text for mixture in brush.mixtures)
+    assert all(supply.paint.title in text and supply.in_tubes in text for supply in STORY["supplies"])
     assert "stopped before it was finished" not in text
 
 
@@ -152,7 +160,7 @@ def test_what_people_typed_is_text_and_never_markup() -> None:
     Reader(html)
 
 
-@pytest.mark.parametrize("field", ["has_film", "has_recipes", "paints", "looks", "comparisons", "watched", "left_out"])
+@pytest.mark.parametrize("field", ["has_film", "supplies", "paints", "looks", "comparisons", "watched", "left_out"])
 def test_each_part_may_be_missing(field: str) -> None:
     Reader(page({**STORY, field: ()}))
     Reader(page({**STORY, field: (), "described": replace(DESCRIBED, target=None, facts=(), has_camera=False)}))

@@ -18,9 +18,10 @@ def test_sheets_and_recipes_are_there_when_it_has_finished(tmp_path: Path) -> No
     sheets = RecipeSheets(tmp_path)
     sheets.renew(PLAN)
     found, left_out = sheets.finish()
-    assert {path.name for path in tmp_path.iterdir()} == {"palette.png", "mixing.png"} and left_out == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"palette.png", "mixing.png", "shopping.png", "shopping.txt"} and left_out == 0
     plain = PaintSet(usual_paints()).mix(PLAN.palette.color)
-    assert [recipe.words for recipe in found] == [recipe.words for recipe in plain]
+    assert [mixture.recipe.words for brush in found for mixture in brush.mixtures] == [one.words for one in plain]
     assert sheets.finish() == (found, 0), "finishing again changes nothing"
 
 
@@ -32,19 +33,18 @@ def test_sheets_are_made_again_only_where_the_paints_are_new(tmp_path: Path) -> 
     mixed = plan.part(slice(6)).followed_by(
         plan.part(slice(6, None)).with_parts([replace(upper, palette=paints, strokes=strokes)])
     )
-    files = [tmp_path / f"{name}.png" for name in ("palette", "mixing", "palette-layer-2", "mixing-layer-2")]
+    files = [tmp_path / f"{name}.png" for name in ("palette", "palette-layer-2", "mixing")]
     sheets = RecipeSheets(tmp_path)
     sheets.renew(plan)
     sheets.finish()
     before = [file.read_bytes() for file in files]
-    for file in files[:2]:
-        file.write_bytes(b"as it hangs beside the easel")
+    files[0].write_bytes(b"as it hangs beside the easel")
     sheets = RecipeSheets(tmp_path)
     sheets.renew(mixed, before=plan.palette)
     found, _ = sheets.finish()
-    assert len(found) == 6
-    assert all(file.read_bytes() == b"as it hangs beside the easel" for file in files[:2])
-    assert all(file.read_bytes() != old for file, old in zip(files[2:], before[2:], strict=True))
+    assert [len(brush.mixtures) for brush in found] == [3, 3]
+    assert files[0].read_bytes() == b"as it hangs beside the easel"
+    assert all(file.read_bytes() != old for file, old in zip(files[1:], before[1:], strict=True))
 
 
 def test_where_there_is_no_room_it_is_counted_and_what_is_wrong_otherwise_is_raised(

@@ -95,6 +95,8 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
         "plan.png",
         "palette.png",
         "mixing.png",
+        "shopping.png",
+        "shopping.txt",
         "painting.png",
         "film.mp4",
         "plan.json",
@@ -191,5 +193,14 @@ def test_an_evening_that_ends_in_an_error_leaves_the_film_so_far(tmp_path: Path)
 
     with pytest.raises(RuntimeError, match="caught fire"):
         until_it_fails()
-    left = {"target.jpg", "plan.png", "palette.png", "mixing.png", "film.mp4", "sketchbook"}
+    left = {
+        "target.jpg",
+        "plan.png",
+        "palette.png",
+        "mixing.png",
+        "shopping.png",
+        "shopping.txt",
+        "film.mp4",
+        "sketchbook",
+    }
     assert {path.name for path in tmp_path.iterdir()} == left

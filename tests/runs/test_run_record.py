@@ -39,8 +39,9 @@ def test_nothing_changed(begun: RunRecord) -> None:
 
 RESULTS = (
     "index.html", "painting.png", "film.mp4", "arm.mp4", ".arm/000000.mp4", "palette.png", "palette-layer-2.png",
-    "mixing.png", "plan.png", "now.png", "target.jpg", "look-1-plan.jpg", "painters.csv", "strokes.svg", "strokes.csv",
-    "strokes.gcode", "result.json", "settings.json", "plan.json", "plan-0123456789ab.safetensors", "calibration.json",
+    "mixing.png", "shopping.txt", "plan.png", "now.png", "target.jpg", "look-1-plan.jpg", "painters.csv", "strokes.svg",
+    "strokes.csv", "strokes.gcode", "result.json", "settings.json", "plan.json", "plan-0123456789ab.safetensors",
+    "calibration.json",
     "journal", ".journal-tally", "studio.diary", ".studio.diary-tally", "changes/1/goal/goal.toml",
     "changes/1/goal/1/b.png", "regions/1.png", "photographs/look-0000.png", "sketchbook/story.json",
 )  # fmt: skip

@@ -44,11 +44,15 @@ PALETTE = [
     {"number": 1, "hex": "#c06030", "strokes": 20, "share": 0.5},
     {"number": 2, "hex": "#203050", "strokes": 20, "share": 0.5},
 ]
-MIXTURES = [{"recipe": "1 red", "millilitres": 3.0, "near": True}] * 2
+_MIXTURE = {"well": 1, "hex": "#c03020", "recipe": "1 red", "amount": "3 ml", "also": "", "near": True}
+MIXTURES = {
+    "brushes": [{"title": "Layer 1: broad brush, 40 strokes", "mixtures": [_MIXTURE, _MIXTURE | {"well": 2}]}],
+    "shopping": ["1 x 20 ml red"],
+}
 MADE = {"prefix": "", "frames": [0, 40], "strokes": 40, "palette": PALETTE}
 PLANNED: list[Event] = [
     Began("plan", plan=1, detail=REQUEST),
-    ResultFound("plan", plan=1, detail={"nearer": 0.5, "seconds": 10.0, "mixtures": MIXTURES, **MADE}),
+    ResultFound("plan", plan=1, detail={"nearer": 0.5, "seconds": 10.0, **MIXTURES, **MADE}),
 ]
 BEGUN: list[Event] = [Began("paint", plan=1), PaintingBegun({}, {})]
 PAINTED: list[Event] = [

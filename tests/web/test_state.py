@@ -31,7 +31,7 @@ from frida_painter_studio.painting_state import PaintingPage, Stage, Truth
 
 AT_WORK, AT_REST = Truth(working=True), Truth(working=False)
 LOOK = {"seen": "a.jpg", "expected": "b.jpg", "difference": "c.jpg"}
-MADE = {"prefix": "", "frames": [0, 2, 4], "strokes": 4, "palette": [], "mixtures": [], "nearer": 0.8, "seconds": 6.0}
+MADE = {"prefix": "", "frames": [0, 2, 4], "strokes": 4, "palette": [], "nearer": 0.8, "seconds": 6.0}
 PLANNED: list[Event] = [
     Began("plan", plan=1, detail={"strokes": 4}), Advanced("", 0.5, 3.0), Advanced(picture="growing-0000.jpg"),
     ResultFound("plan", plan=1, detail=MADE),

@@ -83,7 +83,7 @@ PLACES = {"gallery": "#/", "new": "#/new", "calibrate": "#/calibrate", "teach": 
 TOGETHER = {**REQUEST, "terms": [], "together": True, "brushes": "medium"}
 WITHOUT_GOAL: list[Event] = [
     Began("plan", plan=1, detail=TOGETHER),
-    ResultFound("plan", plan=1, detail={**MADE, "mixtures": MIXTURES, "strokes": 0, "frames": [0]}),
+    ResultFound("plan", plan=1, detail={**MADE, **MIXTURES, "strokes": 0, "frames": [0]}),
 ]
 TURNS = Turns(3, policy="continue", keep="protect")
 KEPT_BY_TWO = [*FINISHED[:-1], ResultFound("results", detail={"film": True, "painters": True})]

@@ -13,8 +13,9 @@ interface Control {
   level: string; group: string; range: { ge: number; le: number }; steps: [number | null, string][]; options: Choice[];
 } // form.py
 interface Paint { number: number; hex: string; strokes: number; share: number }
-interface Mixture { recipe: string; millilitres: number; near: boolean }
-interface Made { prefix: string; nearer: number; frames: number[]; strokes: number; palette: Paint[]; mixtures: Mixture[]; mixing?: Record<string, string>; seconds: number }
+interface Mixture { well: number; hex: string; recipe: string; amount: string; also: string; near: boolean }
+interface BrushPaints { title: string; mixtures: Mixture[] }
+interface Made { prefix: string; nearer: number; frames: number[]; strokes: number; palette: Paint[]; brushes?: BrushPaints[]; shopping: string[]; mixing?: Record<string, string>; seconds: number }
 interface PlanState {
   number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null; said: string;
   growing: string | null; made: Made | null;

@@ -122,12 +122,21 @@ class PaintDataSource(StrEnum):
 
 @dataclass(frozen=True)
 class Paint:
-    """Paint with absorption K and scattering S [16] in the bands of `BANDS`; titanium white has S = 1."""
+    """Paint with absorption K and scattering S [16] in the bands of `BANDS`; titanium white has S = 1.
+
+    pigment: its Colour Index name, as on tubes; "" if unknown
+    """
 
     name: str
     absorption: Tensor
     scattering: Tensor
     source: PaintDataSource
+    pigment: str = ""
+
+    @property
+    def title(self) -> str:
+        """Name with the pigment, for a shop."""
+        return f"{self.name} ({self.pigment})" if self.pigment else self.name
 
     @property
     def color(self) -> Tensor:
@@ -210,16 +219,17 @@ def find_acrylic(name: str) -> Paint:
     """
     if name == WHITE:  # hardly absorbs; other paints are relative to its scattering
         scattering = torch.ones(len(BANDS), dtype=torch.float64)
-        return Paint(WHITE, _WHITE_ABSORPTION * scattering, scattering, PaintDataSource.published)
-    color, tint = (from_hex(text).double() for text in _colors()[name])
-    return replace(Paint.of_tint(name, color, tint, _TINT), source=PaintDataSource.published)
+        return Paint(WHITE, _WHITE_ABSORPTION * scattering, scattering, PaintDataSource.published, "PW6")
+    color, tint, pigment = _colors()[name]
+    paint = Paint.of_tint(name, from_hex(color).double(), from_hex(tint).double(), _TINT)
+    return replace(paint, source=PaintDataSource.published, pigment=pigment)
 
 
-def _colors() -> dict[str, tuple[str, str]]:
-    """Returns the colours of the other ten acrylics, pure and as tints, by name."""
+def _colors() -> dict[str, tuple[str, str, str]]:
+    """Returns the colours of the other ten acrylics, pure and as tints, and their pigments, by name."""
     table = resources.files("frida_painter.mixing") / "data" / "acrylics.csv"
     rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
-    return {row["paint"]: (row["color"], row["tint"]) for row in rows}
+    return {row["paint"]: (row["color"], row["tint"], row["pigment"]) for row in rows}
 
 
 # Paints of a person, from a small TOML file; by default six paints that mix most colours

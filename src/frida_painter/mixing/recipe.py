@@ -11,12 +11,10 @@ import torch
 from torch import Tensor
 
 from frida_painter import registry
-from frida_painter.brush.kinds import brush_kind
 from frida_painter.errors import ConfigError, PluginError
 from frida_painter.mixing import Finish
 from frida_painter.mixing.paint import Paint, color_of, mix_reflectance, read_paints, usual_paints
 from frida_painter.strokes.palette import ciede2000, from_lab, to_lab
-from frida_painter.strokes.plan import Plan
 from frida_painter.system.images import to_linear
 
 GOOD, NEAR, REACHED = 2.0, 3.0, 5.0
@@ -357,22 +355,3 @@ def _apart(mixed: Tensor, target: Tensor, weights: tuple[float, float, float]) -
     chroma = torch.hypot(a, b) - torch.hypot(its_a, its_b)
     hue = ((a - its_a) ** 2 + (b - its_b) ** 2 - chroma**2).clamp(min=0)  # squared
     return ((weights[0] * (light - its_light)) ** 2 + (weights[1] * chroma) ** 2 + weights[2] ** 2 * hue).sqrt()
-
-
-# Amount of each paint in a plan, so that paint does not run out
-
-_FILM = 0.15e-3  # thickness of wet paint under a brush in metres
-_KEPT_BACK = 2.0  # factor: as much paint again stays in the brush, the water and the wells
-_MIN = 3.0  # millilitres, the least in which a brush can be dipped
-_ML = 1e6  # millilitres in a cubic metre
-
-
-def volumes(plan: Plan) -> Tensor:
-    """Returns the millilitres to mix of each paint of the plan's palette, [k], from the painted areas.
-
-    Raises ConfigError if a brush of the plan is unknown.
-    """
-    areas = [brush_kind(part.layers[0].brush).area(part.strokes).double() for part in plan.filled_layers()]
-    area = torch.cat(areas) if areas else torch.zeros(0).double()  # [n] m2
-    painted = plan.paint.bincount(area, minlength=len(plan.palette))  # [k] m2
-    return (painted * _FILM * _KEPT_BACK * _ML).clamp(min=_MIN)

@@ -1,7 +1,7 @@
 """The page of a painting: one HTML file beside its pictures, which works from a folder without a network."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +10,14 @@ from markupsafe import Markup
 
 from frida_painter.planning.forecast import SimilarityForecast
 from frida_painter.planning.mixable import mixing_changes
-from frida_painter.report.sheets import sheet_file
+from frida_painter.report.sheets import format_amount, sheet_file
+from frida_painter.strokes.palette import to_hex
 from frida_painter.system import storage
 from frida_painter.system.storage import count_of
 
 # Loss curve as inline SVG: no script, readable in light and dark mode, described for screen readers.
 
 _LEFT, _RIGHT, _TOP, _FLOOR = 72, 944, 40, 312  # of the curves, in templates/curve.svg
-_ROOMY = 140.0  # wide enough for "after 1000 strokes"
 _LETTER = 7.0
 _MIN, _MAX = 1e-12, 1e12
 _MAX_POINTS = 400  # about, of a phase
@@ -38,44 +38,21 @@ def curve_svg(phases: Sequence[tuple[str, Sequence[tuple[int, float]]]]) -> str:
     least, most = math.log10(min(losses)), math.log10(max(losses))
     margin = max(0.02, 0.06 * (most - least))
     least, most = least - margin, most + margin
-    widths = _widths([points[-1][0] - points[0][0] for _, points in usable])
+    width = (_RIGHT - _LEFT) / len(usable)
 
     def down(value: float) -> float:
         return _TOP + (most - math.log10(value)) / (most - least) * (_FLOOR - _TOP)
 
     drawn, left = [], float(_LEFT)
-    for (name, points), width in zip(usable, widths, strict=True):
+    for name, points in usable:
         first, last = points[0][0], points[-1][0]
         step = width / max(1, last - first)
         some = [*points[: -1 : max(1, len(points) // _MAX_POINTS)], points[-1]]
         path = " ".join(f"{left + (i - first) * step:.1f},{down(value):.1f}" for i, value in some)
         drawn.append((name, width > _LETTER * len(name) + 12, left, last - first + 1, path))
         left += width
-    ticks = [(value, down(value)) for value in _ticks(least, most)]
+    ticks = [(value, down(value)) for value in (losses[0], min(losses))]
     return template("curve.svg").render(phases=drawn, ticks=ticks, first=losses[0], last=losses[-1])
-
-
-def _widths(iterations: Sequence[int]) -> list[float]:
-    """Returns the width of each phase, by its iterations, but wide enough for its name if there is room."""
-    room = _RIGHT - _LEFT
-    least = min(_ROOMY, room / len(iterations))
-    share = (room - least * len(iterations)) / max(1, sum(iterations))
-    return [least + share * count for count in iterations]
-
-
-def _ticks(least: float, most: float) -> Iterator[float]:
-    """Yields round values 1, 2, 5 x 10^k between two powers of ten; finer ones if there are too few."""
-    for steps in ((1, 2, 5), tuple(range(1, 10)), tuple(part / 10 for part in range(10, 100))):
-        found = [
-            float(f"{step * 10.0**decade:.6g}")
-            for decade in range(math.floor(least), math.ceil(most) + 1)
-            for step in steps
-            if least <= math.log10(step) + decade <= most
-        ]
-        if len(found) >= 3:
-            break
-    every = max(1, math.ceil(len(found) / 6))
-    yield from found[::every]
 
 
 PAGE = "index.html"
@@ -96,14 +73,15 @@ def template(name: str) -> jinja2.Template:
 def page(story: Mapping[str, Any]) -> str:
     """Returns the page of a painting as HTML that needs only the files it names.
 
-    story: content by name. described: the painting (recorder.py). state, plan, painting, comparisons, paints. looks:
-    the look and the plan of the rest that followed, as events. left_out: number of pictures for which there was no
-    room. has_film, has_recipes: True if there are these files. arm_film: its file; "" if there is none. watched: False
-    if nobody photographed the finished canvas.
+    story: content by name. described: the painting (recorder.py). state, plan, painting, comparisons. paints: by
+    brush. supplies: tubes to buy. looks: the look and the plan of the rest that followed, as events. left_out: number
+    of pictures for which there was no room. has_film: True if there is one. arm_film: its file; "" if there is none.
+    watched: False if nobody photographed the finished canvas.
     """
     # The curve is markup of this module, which escapes its texts.
     known: dict[str, Any] = {"curve": Markup(curve_svg(story["state"].planning.phases)), "forecast": SimilarityForecast}
-    known |= {"sheet_file": sheet_file, "count_of": count_of, "mixing_changes": mixing_changes}
+    known |= {"sheet_file": sheet_file, "to_hex": to_hex, "format_amount": format_amount}
+    known |= {"count_of": count_of, "mixing_changes": mixing_changes}
     html = template("page.html").render(story=story, **known)
     return html.encode("utf-8", "replace").decode("utf-8")
 

@@ -16,7 +16,8 @@ from torch import Tensor
 from frida_painter.brush.kinds import StrokeModel
 from frida_painter.easel.kinds import ARM_FILM
 from frida_painter.errors import ImageError, StorageError
-from frida_painter.mixing.recipe import PaintSet, Recipe
+from frida_painter.mixing.recipe import PaintSet
+from frida_painter.mixing.shopping import BrushPaints, supplies
 from frida_painter.registry import Later
 from frida_painter.report.film import FilmWriter, keep_frame, kept_frames
 from frida_painter.report.sheets import RecipeSheets, difference
@@ -76,7 +77,7 @@ class Recorder:
         self._watched = described.has_camera or state.is_pictured  # False if nobody saw the finished canvas
         self._plan: Plan | None = None
         self._first_expected: Tensor | None = None
-        self._recipes: tuple[Recipe, ...] = ()
+        self._paints: tuple[BrushPaints, ...] = ()
         self.similarity = ""
         self._left_out = 0
         self._filming = True
@@ -124,7 +125,7 @@ class Recorder:
         StorageError.
         """
         self._end_film()
-        self._recipes, left_out = self._sheets.finish()
+        self._paints, left_out = self._sheets.finish()
         self._left_out += left_out
         if self._plan is None or self._first_expected is None:
             return None
@@ -140,13 +141,13 @@ class Recorder:
             "state": self.state,
             "plan": self._plan,
             "painting": painting,
-            "paints": paints(self._plan, self._recipes),
+            "paints": self._paints,
+            "supplies": supplies(self._paints),
             "looks": self._looks(),
             "comparisons": comparisons,
             "watched": self._watched,
             "left_out": self._left_out,
             "has_film": (self.folder / "film.mp4").exists(),
-            "has_recipes": bool(self._recipes),
             "arm_film": ARM_FILM if (self.folder / ARM_FILM).exists() else "",
         }
         page = _write_page(story, self.folder)

@@ -1,7 +1,7 @@
 """Sheets to print or view: figures, doubtful strokes, surprises, palette, mixing recipes and workspace."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,12 +17,13 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import StorageError
 from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.robot import BrushRack, Point, Workspace
-from frida_painter.mixing.paint import usual_paints
-from frida_painter.mixing.recipe import GOOD, REACHED, PaintSet, Recipe, volumes
+from frida_painter.mixing.paint import Paint, usual_paints
+from frida_painter.mixing.recipe import GOOD, REACHED, PaintSet, Recipe
+from frida_painter.mixing.shopping import DROP, MIN_MIXED, RESERVE, BrushPaints, Mixture, paints_by_brush, supplies
 from frida_painter.report.story import PaintFacts, paints
 from frida_painter.strokes.palette import Palette, to_hex, to_lab
 from frida_painter.strokes.plan import Plan
-from frida_painter.system import images
+from frida_painter.system import images, storage
 from frida_painter.system.sheet import A4, INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font, scale, shorten, to_bytes
 from frida_painter.system.storage import count_of
 
@@ -243,125 +244,160 @@ _PAGE_MARGIN = 96
 _PAGE_ROOM = A4[0] - 2 * _PAGE_MARGIN
 
 
-def _begin_page(title: str, facts: str, rows: int = A4[1]) -> Sheet:
-    """Returns a page as wide as A4 with its title and a line of facts."""
-    sheet = Sheet(A4[0], rows)
+def _begin_page(title: str, facts: str, rows: int = A4[1], columns: int = A4[0]) -> Sheet:
+    """Returns a page, by default in A4, with its title and a line of facts."""
+    sheet = Sheet(columns, rows)
     sheet.text((_PAGE_MARGIN, 84), shorten(title, 58, _PAGE_ROOM), 58, INK)
     sheet.text((_PAGE_MARGIN, 162), facts, 24, SOFT)
     return sheet
 
 
-_MIXING_SHEET_HEAD = 244
-_TALLEST, _LOWEST = 118, 78
-_SWATCH, _BAR = 92, 22
-_DROP = 0.05  # millilitres
-_ADVICE = (
-    "Left of each pair the colour that is wanted, right of it what the mixture is predicted to be when it is dry.",
-    f"The number is the difference of the two (CIEDE2000): up to {GOOD:g} hardly seen, above {REACHED:g} out of reach.",
-    "It leaves out light and dark that no mixture of these paints has (as dark as it gets, as light as it gets).",
-    "Mix a little, let it dry, compare, correct: tubes differ. A drop is 0.05 ml, a trace the tip of a knife.",
+_MIXING_SHEET_HEAD = 216
+_TALLEST, _LOWEST, _BRUSH_ROW = 84, 52, 96
+_SWATCH, _WELL_ROOM, _TOTAL = (
+    60,
+    214,
+    128,
+)  # columns of each of two swatches, of the well, and of the amount of a mixture
+_MIN_TUBE = 62  # columns of a tube paint
+_MIXING_ADVICE = (
+    "Left swatch: the colour that is wanted; right: the dry mixture, as predicted. Below the amount: their difference",
+    f"(CIEDE2000: hardly seen up to {GOOD:g}, out of reach above {REACHED:g}), without light and dark out of reach.",
+    "Large numbers are parts by volume. Mix a little, let it dry, compare, correct: tubes differ. A drop is 0.05 ml.",
 )
 
 
-def mixing_sheet(recipes: Sequence[Recipe], volumes: Sequence[float] | None, title: str) -> Tensor:
-    """Returns the recipes as a printed page, sRGB [3, H, 1240] in [0, 1], in the order of the wells.
-
-    volumes: millilitres of each paint; None if unknown
-    """
-    supplies = _supplies(recipes, volumes)
-    foot = 172 + 30 * -(-len(supplies) // 3) if supplies else 136
-    height = min(_TALLEST, max(_LOWEST, (A4[1] - _MIXING_SHEET_HEAD - foot) // len(recipes)))
-    grid = Grid(_PAGE_MARGIN, _MIXING_SHEET_HEAD, 1, _PAGE_ROOM, height - 20, down=20)
-    missed = sum(not recipe.within_reach for recipe in recipes)
-    reach = f"{missed} of them out of reach of these paints" if missed else "all of them within reach of these paints"
-    facts = f"How to mix {count_of(len(recipes), 'paint')}, in parts by volume; {reach}"
-    sheet = _begin_page(title, facts, max(A4[1], grid.bottom(len(recipes)) + 20 + foot))
-    for index, (recipe, at) in enumerate(zip(recipes, grid.corners(len(recipes)), strict=True)):
-        _recipe(sheet, index, recipe, volumes[index] if volumes else None, at, grid)
-    below = sheet.image.height - foot + 20
-    if supplies:
-        sheet.text((_PAGE_MARGIN, below), "Needed in all, with half of it left in brush and wells", 21)
-        list_of = Grid(_PAGE_MARGIN, below + 34, 3, 350, 30)
-        for (name, volume), at in zip(supplies, list_of.corners(len(supplies)), strict=True):
-            sheet.text(at, f"{volume:.0f} ml  {name}", 19, SOFT)
-    sheet.lines((_PAGE_MARGIN, sheet.image.height - 110), _ADVICE, 17, 25)
+def mixing_sheet(paints: Sequence[BrushPaints], title: str) -> Tensor:
+    """Returns the recipes as one printed table, sRGB [3, H, W] in [0, 1]: brush by brush, a column for each tube."""
+    tubes = [supply.paint for supply in supplies(paints)]
+    rows, wide = sum(len(brush.mixtures) for brush in paints), max(_MIN_TUBE, _TUBES_ROOM // len(tubes))
+    foot, heads = 130, len(paints) * _BRUSH_ROW
+    height = min(_TALLEST, max(_LOWEST, (A4[1] - _MIXING_SHEET_HEAD - foot - heads) // rows))
+    missed = sum(not each.recipe.within_reach for brush in paints for each in brush.mixtures)
+    facts = f"{count_of(rows, 'mixture')} in the order of work; {missed or 'none'} of them out of reach of these paints"
+    below = _MIXING_SHEET_HEAD + heads + height * rows
+    sheet = _begin_page(title, facts, max(A4[1], below + foot), max(A4[0], A4[0] - _TUBES_ROOM + wide * len(tubes)))
+    top, columns = _MIXING_SHEET_HEAD, {tube.name: _TUBES_LEFT + wide * at for at, tube in enumerate(tubes)}
+    for brush in paints:
+        _brush_head(sheet, brush, tubes, top, wide)
+        for at, mixture in enumerate(brush.mixtures):
+            _mixture_row(sheet, mixture, columns, top + _BRUSH_ROW + height * at, height)
+        top += _BRUSH_ROW + height * len(brush.mixtures)
+    sheet.lines((_PAGE_MARGIN, sheet.image.height - 104), _MIXING_ADVICE, 17, 25)
     return sheet.tensor()
 
 
-def _recipe(sheet: Sheet, index: int, recipe: Recipe, volume: float | None, at: tuple[int, int], grid: Grid) -> None:
-    """Draws one row: number, wanted and predicted colour side by side, the parts in words and as a bar, the amounts."""
-    (edge, top), height = at, grid.height
-    left = edge + 64
-    sheet.text((edge, top + height // 2), str(index + 1), 40, anchor="lm")
-    for x, color in ((left, recipe.target), (left + _SWATCH, recipe.color)):
-        sheet.swatch((x, top), _SWATCH, height, to_bytes(color))
-    sheet.draw.rectangle((left, top, left + 2 * _SWATCH - 1, top + height - 1), outline=LINE)
-    right = left + 2 * _SWATCH + 30
-    fill = INK if recipe.within_reach else WARNING
-    verdict = f"{recipe.off:.1f}  {recipe.verdict}".rstrip()
-    room = grid.right - right - 30 - max(60, round(font(20).getlength(verdict)))
-    size = next(size for size in (22, 20, 18, 16, 14, 12) if font(size).getlength(recipe.words) <= room or size == 12)
-    sheet.text((right, top - 1), recipe.words, size, fill)
-    sheet.text((grid.right, top - 1), verdict, 20, SOFT if recipe.within_reach else WARNING, "ra")
-    _bar(sheet, recipe, right, top + 34)
-    facts = to_hex(recipe.target)
-    if volume is not None:
-        amounts = recipe.volumes(volume)
-        facts += "   " + "   ".join(_format_millilitres(amount) for amount in amounts)
-    sheet.text((right, top + 34 + _BAR + 6), facts, 17, SOFT)
+_TUBES_LEFT = _PAGE_MARGIN + 2 * _SWATCH + _WELL_ROOM
+_TUBES_ROOM = _PAGE_ROOM - 2 * _SWATCH - _WELL_ROOM - _TOTAL
 
 
-def _bar(sheet: Sheet, recipe: Recipe, left: int, top: int) -> None:
-    """Draws the parts as lengths in their paints' colours, none too short to be visible."""
-    width = A4[0] - _PAGE_MARGIN - left
-    shares = recipe.volumes(1.0)
-    least = 10 / width
-    widths = [max(share, least) for share in shares]
-    x = float(left)
-    for (paint, _), share in zip(recipe.parts, widths, strict=True):
-        end = x + width * share / sum(widths)
-        sheet.draw.rectangle((round(x), top, round(end) - 2, top + _BAR), fill=to_bytes(paint.color), outline=LINE)
-        x = end
+def _brush_head(sheet: Sheet, brush: BrushPaints, tubes: Sequence[Paint], top: int, wide: int) -> None:
+    """Draws what the paints below are for, and the heads of the columns."""
+    bottom = top + _BRUSH_ROW - 8
+    sheet.text((_PAGE_MARGIN, top + 2), brush.title, 28)
+    sheet.text((_PAGE_MARGIN, bottom - 2), shorten(brush.kept, 17, 320), 17, SOFT, "ld")
+    for at, tube in enumerate(tubes):
+        left = _TUBES_LEFT + wide * at
+        words = tube.name.split()
+        longest = max(map(font(16).getlength, words))
+        size = max(10, min(16, int(16 * (wide - 6) / longest)))
+        lines = [shorten(word, size, wide - 6) for word in words[:3]]
+        sheet.lines((left, bottom - 12 - (size + 3) * len(lines)), lines, size, size + 3, INK)
+        sheet.swatch((left, bottom - 10), wide - 8, 10, to_bytes(tube.color), LINE)
 
 
-def _supplies(recipes: Sequence[Recipe], volumes: Sequence[float] | None) -> list[tuple[str, float]]:
-    """Returns the millilitres of each tube paint for all mixtures, most first."""
-    needed: dict[str, float] = {}
-    for recipe, volume in zip(recipes, volumes or (), strict=False):
-        for (paint, _), amount in zip(recipe.parts, recipe.volumes(volume), strict=True):
-            needed[paint.name] = needed.get(paint.name, 0.0) + amount
-    return sorted(((name, max(1.0, volume)) for name, volume in needed.items()), key=lambda one: (-one[1], one[0]))
+def _mixture_row(sheet: Sheet, mixture: Mixture, columns: Mapping[str, int], top: int, height: int) -> None:
+    """Draws one mixture: wanted and predicted colour, well, parts with their amounts, and the whole amount."""
+    recipe = mixture.recipe
+    for at, color in enumerate((recipe.target, recipe.color)):
+        sheet.swatch((_PAGE_MARGIN + at * _SWATCH, top), _SWATCH, height - 6, to_bytes(color))
+    right, low = sheet.image.width - _PAGE_MARGIN, top + height - 8
+    sheet.draw.line((_PAGE_MARGIN, top + height - 4, right, top + height - 4), fill=LINE)
+    left = _PAGE_MARGIN + 2 * _SWATCH + 14
+    sheet.text((left, top + height / 2 - 3), str(mixture.wells[0][1]), 38, anchor="lm")
+    sheet.lines((left + 58, top + 2), (to_hex(recipe.target), shorten(mixture.also, 15, _WELL_ROOM - 76)), 15, 21)
+    for paint, count in recipe.parts:
+        sheet.text((columns[paint.name], top - 2), str(count), 26)
+        if mixture.volume is not None:
+            sheet.text((columns[paint.name], top + 28), format_amount(mixture.amounts[paint.name]), 16, SOFT)
+    if mixture.volume is not None:
+        sheet.text((right, top), format_amount(mixture.volume), 22, anchor="ra")
+    ink = SOFT if recipe.within_reach else WARNING
+    sheet.text((right, low), f"{recipe.verdict} {recipe.off:.1f}".lstrip(), 16, ink, "rd")
 
 
-def _format_millilitres(amount: float) -> str:
-    """Returns millilitres as a person measures them: less than a tenth in drops."""
-    if amount >= 0.095:
-        return f"{amount:.1f} ml"
-    drops = round(amount / _DROP)
-    return count_of(drops, "drop") if drops else "a trace"
+def format_amount(amount: float) -> str:
+    """Returns whole drops as a person measures them: from half a millilitre on in millilitres."""
+    millilitres = f"{amount:.2f}".rstrip("0").rstrip(".")
+    return f"{millilitres} ml" if amount > 0.475 else count_of(round(amount / DROP), "drop")
+
+
+_SHOPPING_ADVICE = (
+    f"To mix: {RESERVE:g} times what the brush takes out of the wells, in whole drops of each part, and at least "
+    f"{MIN_MIXED:g} ml",
+    "of each mixture, because a brush dips in it. Makers sell tubes of other sizes too; 59 or 75 ml serve as 60.",
+)
+
+
+def shopping_list(paints: Sequence[BrushPaints]) -> str:
+    """Returns the tubes to buy as text, with the colours that these paints cannot give."""
+    bought, missed = supplies(paints), _out_of_reach(paints)
+    longest = max(len(supply.paint.title) for supply in bought)
+    rows = [
+        f"[ ] {supply.in_tubes:<{max(len(one.in_tubes) for one in bought)}}  {supply.paint.title:<{longest}}  "
+        f"{supply.mixed:6.1f} ml to mix, of which strokes take {supply.drawn:.1f} ml"
+        for supply in bought
+    ]
+    return "\n".join(["Shopping list", "", *rows, "", *_SHOPPING_ADVICE, *(["", *missed] if missed else []), ""])
+
+
+def shopping_sheet(paints: Sequence[BrushPaints], facts: str) -> Tensor:
+    """Returns the tubes to buy as a printed page, sRGB [3, H, 1240] in [0, 1]."""
+    bought, missed = supplies(paints), _out_of_reach(paints)
+    rows = Grid(_PAGE_MARGIN, 236, 1, _PAGE_ROOM, 72, down=14)
+    foot = 30 + 26 * (len(missed) + len(_SHOPPING_ADVICE))
+    sheet = _begin_page("Shopping list", facts, max(A4[1], rows.bottom(len(bought)) + foot + 60))
+    for supply, (left, top) in zip(bought, rows.corners(len(bought)), strict=True):
+        sheet.draw.rectangle((left, top + 18, left + 34, top + 52), outline=INK, width=3)
+        sheet.swatch((left + 64, top), 96, 72, to_bytes(supply.paint.color), LINE)
+        sheet.text((left + 190, top + 36), supply.in_tubes, 32, anchor="lm")
+        sheet.text((left + 440, top + 2), shorten(supply.paint.title, 30, rows.right - left - 440), 30)
+        used = f"{supply.mixed:.1f} ml to mix, of which strokes take {supply.drawn:.1f} ml"
+        sheet.text((left + 440, top + 70), used, 20, SOFT, "ld")
+    sheet.lines((_PAGE_MARGIN, rows.bottom(len(bought)) + 36), (*_SHOPPING_ADVICE, *missed), 18, 26)
+    return sheet.tensor()
+
+
+def _out_of_reach(paints: Sequence[BrushPaints]) -> list[str]:
+    """Returns a sentence for each mixture that these paints cannot give."""
+    return [
+        f"Layer {each.wells[0][0]}, well {each.wells[0][1]}: {to_hex(each.recipe.target)} cannot be mixed from these "
+        f"paints; the recipe comes within {each.recipe.off:.1f} CIEDE2000."
+        for brush in paints
+        for each in brush.mixtures
+        if not each.recipe.within_reach
+    ]
 
 
 # The palette's content also fits US Letter.
 _PALETTE_SHEET_HEAD = 236
 _FOOT = 108
 _PALETTE_SHEET_SMALL = 18  # pixels: 8.6 points when printed
-_RECIPE_SIZE, _RECIPE_PITCH = 15, 20
 _PALETTE_SHEET_ADVICE = (
     "Mix each paint until its dried mark matches its swatch. A paint shop or a colorimeter works from the Lab values.",
     "Screens and printers differ: where they disagree, trust the numbers. Percentages are of all strokes' length.",
 )
 
 
-def palette_sheet(plan: Plan, title: str = "Palette", recipes: Sequence[Recipe] = ()) -> Tensor:
+def palette_sheet(plan: Plan, title: str = "Palette") -> Tensor:
     """Returns the plan's paints as a printed page, sRGB [3, 1754, 1240] in [0, 1], lightest first.
 
     title: heading of the page
-    recipes: one per paint, or none; shown for up to 20 paints
 
     Each paint has a large swatch, its number, sRGB as hex and bytes, Lab, the number of its strokes and its share
     of the painting. The page holds 1 to 64 paints.
     """
-    known = paints(plan, recipes)
+    known = paints(plan)
     count = len(known)
     upright = count <= 20  # with the text below the swatch, not beside it
     columns = 1 if count == 1 else 2 if count <= 6 else 3 if count <= 15 or not upright else 4
@@ -395,22 +431,12 @@ def _color_in_words(paint: PaintFacts) -> tuple[str, str, str]:
 
 def _card(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
     """Draws a swatch with its text below."""
-    below = top + height - (118 if not paint.recipe else 118 + 2 * _RECIPE_PITCH)
+    below = top + height - 118
     sheet.swatch((left, top), width, below - top, paint.srgb, LINE)
     sheet.text((left, below + 12), str(paint.number), 44, INK)
     strokes = f"{count_of(paint.strokes, 'stroke')}, {paint.share:.0%}"
     for row, text in enumerate((*_color_in_words(paint), strokes)):
         sheet.text((left + 66, below + 14 + 25 * row), text, _PALETTE_SHEET_SMALL, INK if row == 0 else SOFT)
-    sheet.lines((left, below + 118), _in_two_lines(paint.recipe, width), _RECIPE_SIZE, _RECIPE_PITCH)
-
-
-def _in_two_lines(recipe: str, width: int) -> list[str]:
-    """Returns the recipe in at most two lines, broken at a plus; the second line is cut if it is too long."""
-    words, face = recipe.split(" + "), font(_RECIPE_SIZE)
-    starts = ((count, " + ".join(words[:count])) for count in range(len(words), 0, -1))
-    count = next((count for count, line in starts if face.getlength(f"{line} +") <= width), 1)
-    first, second = " + ".join(words[:count]), " + ".join(words[count:])
-    return [shorten(line, _RECIPE_SIZE, width) for line in ([f"{first} +", second] if second else [first])]
 
 
 def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, height: int) -> None:
@@ -429,45 +455,50 @@ def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, heig
 
 
 class RecipeSheets:
-    """Writer of the palette and mixing sheets of each layer, for the person at the wells."""
+    """Writer of the palette sheets, the mixing sheet and the shopping list, for the person at the wells."""
 
     def __init__(self, folder: Path, paints: PaintSet | None = None) -> None:
-        self._folder, self._paints = folder, paints or PaintSet(usual_paints())
-        self._recipes: tuple[Recipe, ...] = ()
+        self._folder, self._owned = folder, paints or PaintSet(usual_paints())
+        self._known: dict[tuple[float, ...], Recipe] = {}
+        self._paints: tuple[BrushPaints, ...] = ()
         self._thread = ThreadPoolExecutor(1, "recipes")
-        self._begun: list[Future[None]] = []
+        self._begun: list[Future[object]] = []
 
     def renew(self, plan: Plan, before: Palette | None = None) -> None:
         """Starts to compute a plan's recipes and to write its sheets.
 
-        before: paints whose sheets exist already
+        before: paints whose palette sheets exist already
         """
-        self._begun.append(self._thread.submit(self._renew, plan, before))
+        self._begun.append(self._thread.submit(self.write, plan, before))
 
-    def finish(self) -> tuple[tuple[Recipe, ...], int]:
-        """Waits for the end; returns the last plan's recipes, and the number of plans without disk space."""
+    def finish(self) -> tuple[tuple[BrushPaints, ...], int]:
+        """Waits for the end; returns the last plan's paints by brush, and the number of plans without disk space."""
         self._thread.shutdown()
         troubles = [one.exception() for one in self._begun]
         for trouble in troubles:
             if trouble is not None and not isinstance(trouble, StorageError):
                 raise trouble
-        return self._recipes, sum(trouble is not None for trouble in troubles)
+        return self._paints, sum(trouble is not None for trouble in troubles)
 
-    def _renew(self, plan: Plan, before: Palette | None) -> None:
+    def write(self, plan: Plan, before: Palette | None = None) -> tuple[BrushPaints, ...]:
+        """Computes a plan's recipes, writes its sheets, and returns its paints by brush. Raises StorageError.
+
+        before: as for `renew`
+        """
         there = [] if before is None else before.color.tolist()
-        known = {tuple(recipe.target.tolist()): recipe for recipe in self._recipes}
         colors = [tuple(color) for color in plan.palette.color.tolist()]
-        unknown = sorted(set(colors) - set(known))
-        known |= dict(zip(unknown, self._paints.mix(plan.palette.color.new_tensor(unknown)), strict=True))
-        self._recipes = tuple(known[color] for color in colors)
-        mixed = iter(self._recipes)
+        unknown = sorted(set(colors) - set(self._known))
+        self._known |= dict(zip(unknown, self._owned.mix(plan.palette.color.new_tensor(unknown)), strict=True))
+        self._paints = paints_by_brush(plan, [self._known[color] for color in colors])
         for layer, part in plan.by_wells():
-            ours, of = [next(mixed) for _ in part.palette.color], "" if layer == 1 else f", layer {layer}"
             if all(color in there for color in part.palette.color.tolist()):
                 continue
-            images.save(palette_sheet(part, f"Palette{of}", ours), self._folder / sheet_file("palette.png", layer))
-            sheet = mixing_sheet(ours, volumes(part).tolist(), f"Mixing{of}")
-            images.save(sheet, self._folder / sheet_file("mixing.png", layer))
+            of = "" if layer == 1 else f", layer {layer}"
+            images.save(palette_sheet(part, f"Palette{of}"), self._folder / sheet_file("palette.png", layer))
+        images.save(mixing_sheet(self._paints, "Mixing"), self._folder / "mixing.png")
+        images.save(shopping_sheet(self._paints, _facts(plan)), self._folder / "shopping.png")
+        storage.write_text(self._folder / "shopping.txt", shopping_list(self._paints))
+        return self._paints
 
 
 # A workspace to scale, seen from above.

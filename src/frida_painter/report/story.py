@@ -1,11 +1,9 @@
 """Figures of a painting for its page and its sheets: the use of each paint, and the similarity of two pictures."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from torch import Tensor
 
-from frida_painter.mixing.recipe import Recipe
 from frida_painter.strokes.palette import to_hex, to_lab
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
@@ -21,8 +19,6 @@ class PaintFacts:
     lab: CIELAB
     strokes: number of its strokes
     share: of the length of all paints' strokes, in [0, 1]
-    recipe: in words; "" if it was not requested
-    layer: from 1, before which its well is filled
     """
 
     number: int
@@ -31,8 +27,6 @@ class PaintFacts:
     lab: tuple[float, float, float]
     strokes: int
     share: float
-    recipe: str = ""
-    layer: int = 1
 
 
 @dataclass(frozen=True)
@@ -54,27 +48,21 @@ class PictureComparison:
         return f"{self.label}: {self.psnr:.2f} dB (PSNR at {self.size[0]} x {self.size[1]} pixels)"
 
 
-def paints(plan: Plan, recipes: Sequence[Recipe] = ()) -> tuple[PaintFacts, ...]:
-    """Returns the paints of a plan in the order of its palette, numbered by their wells, with their use.
-
-    recipes: one for each paint, or none
-    """
-    words = [recipe.words if recipe.within_reach else f"nearest: {recipe.words}" for recipe in recipes]
+def paints(plan: Plan) -> tuple[PaintFacts, ...]:
+    """Returns the paints of a plan in the order of its palette, numbered by their wells, with their use."""
     counts = plan.paint.bincount(minlength=len(plan.palette)).tolist()
     lengths = plan.paint.bincount(plan.strokes.length.double(), minlength=len(plan.palette))  # [k] metres
     shares = lengths / lengths.sum().clamp(min=1e-12)
     colors, lab = plan.palette.color, plan.palette.lab()
-    wells = [(layer, well) for layer, part in plan.by_wells() for well in range(len(part.palette))]
+    wells = [well for _, part in plan.by_wells() for well in range(1, len(part.palette) + 1)]
     return tuple(
         PaintFacts(
-            number=wells[paint][1] + 1,
+            number=wells[paint],
             hex=to_hex(colors[paint]),
             srgb=tuple((colors[paint] * 255).round().int().tolist()),
             lab=tuple(round(part, 1) + 0.0 for part in lab[paint].tolist()),
             strokes=count,
             share=float(shares[paint]),
-            recipe=words[paint] if words else "",
-            layer=wells[paint][0],
         )
         for paint, count in enumerate(counts)
     )

@@ -13,7 +13,7 @@ calibration.json: the calibration of the easel at the time of the painting.
 sketchbook/: timelapse frames and looks, for film and page.
 
 `resume` can make the results for a person again: film.mp4, painting.png, index.html, result.json, palette.png,
-mixing.png, strokes.svg and strokes.csv.
+mixing.png, shopping.png, shopping.txt, strokes.svg and strokes.csv.
 """
 
 import hashlib
@@ -165,9 +165,9 @@ def are_there(folder: Path, strokes: int) -> bool:
 
 _FILES = (
     "index.html", "painting.png", "film.mp4", ARM_FILM, ".arm/*", "palette*.png", "mixing*.png", "plan.png", NOW,
-    "target.jpg", "look-*.jpg", "painters.*", "strokes.*", "result.json", SETTINGS, "plan.json", "plan-*.safetensors",
-    CALIBRATION, JOURNAL, f".{JOURNAL}-tally", SIMULATION_LOG, f".{SIMULATION_LOG}-tally", f"{GOAL}/**/*",
-    "changes/**/*", "regions/*", f"{PHOTOGRAPHS}/*", f"{SKETCHBOOK}/*",
+    "target.jpg", "look-*.jpg", "shopping.*", "painters.*", "strokes.*", "result.json", SETTINGS, "plan.json",
+    "plan-*.safetensors", CALIBRATION, JOURNAL, f".{JOURNAL}-tally", SIMULATION_LOG, f".{SIMULATION_LOG}-tally",
+    f"{GOAL}/**/*", "changes/**/*", "regions/*", f"{PHOTOGRAPHS}/*", f"{SKETCHBOOK}/*",
 )  # fmt: skip
 
 

@@ -79,13 +79,21 @@ export function planStage(house, here, first) {
     await house.attempt(() => api.post(`/api/paintings/${here.id}/plans`, wish));
   }
 
-  function paletteList(plan, withRecipes = false) {
-    const recipe = (mixture) => h("p", { class: "recipe" }, plan.wish.together ? mixture.recipe : `${mixture.recipe} · about ${Math.max(1, Math.round(mixture.millilitres))} ml`, mixture.near ? "" : " · not exact");
+  function paletteList(plan) {
     const changes = Object.entries(plan.made.mixing ?? {}).map(([what, words]) => h("p", { class: "label" }, `${what}: ${words}`));
-    const list = h("ol", { class: "palette" }, plan.made.palette.map((paint, index) =>
+    const list = h("ol", { class: "palette" }, plan.made.palette.map((paint) =>
       h("li", {}, h("b", { style: { background: paint.hex } }), h("span", {}, h("strong", {}, String(paint.number)), ` ${paint.hex}`),
-        plan.wish.together ? null : h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : `${Math.round(100 * paint.share)} %`}`), withRecipes ? recipe(plan.made.mixtures[index]) : null)));
+        plan.wish.together ? null : h("small", {}, `${count(paint.strokes, "stroke", "strokes")}, ${paint.share < 0.005 ? "hardly any" : `${Math.round(100 * paint.share)} %`}`))));
     return h("div", {}, list, ...changes);
+  }
+
+  /** Recipes by brush in the order of work, and the tubes to buy; a plan of an older program has only its palette. */
+  function mixingTable(plan) {
+    if (!plan.made.brushes) return paletteList(plan);
+    const row = (mixture) => h("li", {}, h("b", { style: { background: mixture.hex } }), h("span", {}, h("strong", {}, String(mixture.well)), ` ${mixture.hex}`), h("small", {}, mixture.amount),
+      h("p", { class: "recipe" }, mixture.recipe, mixture.near ? "" : " · not exact", mixture.also ? ` · ${mixture.also}` : ""));
+    return h("div", {}, ...plan.made.brushes.flatMap((brush) => [h("h2", {}, brush.title), h("ol", { class: "palette" }, brush.mixtures.map(row))]),
+      h("h2", {}, "To buy"), h("ul", {}, plan.made.shopping.map((tubes) => h("li", {}, tubes))));
   }
 
   function planning(plan) {
@@ -183,10 +191,10 @@ export function planStage(house, here, first) {
       return h("label", { class: "check" }, box, h("span", {}, text));
     };
     show(panel, h("h1", {}, "Prepare"),
-      h("p", {}, `Mix ${count(plan.made.palette.length, "paint", "paints")}. Fill the wells in this order, from light to dark. The virtual studio fills its own wells.`),
-      paletteList(plan, true),
+      h("p", {}, `Mix ${count(plan.made.palette.length, "paint", "paints")}. Fill the wells brush by brush, in this order. The virtual studio fills its own wells.`),
+      mixingTable(plan),
       h("p", { class: "label" }, "The recipes are for six common acrylics, computed from published pigment data. Test each mixture on paper first."),
-      h("p", {}, h("a", { href: api.file(here.id, plan.number, "palette.png"), download: "palette.png" }, "Download the palette to print")),
+      h("p", {}, "To print: ", ...(plan.made.brushes ? ["palette.png", "mixing.png", "shopping.png"] : ["palette.png"]).flatMap((file) => [h("a", { href: api.file(here.id, plan.number, file), download: file }, file.replace(".png", "")), " "])),
       h("div", { class: "checks" }, check("A bare canvas is on the easel."), check("The paints are in their wells. Water and rag are in place.")),
       mainAction(first, start),
       state.stage === "queued"
