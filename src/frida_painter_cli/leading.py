@@ -339,6 +339,7 @@ def tell(outcome: RunOutcome, of: int, seconds: float, *, watched: bool = True) 
         f"  The painting  {folder / 'painting.png'}{expected}",
         *([f"  The film      {folder / 'film.mp4'}{expected}"] if (folder / "film.mp4").exists() else []),
         *([f"  The arm       {folder / ARM_FILM}"] if (folder / ARM_FILM).exists() else []),
+        *([f"  The card      {folder / 'card.jpg'}"] if (folder / "card.jpg").exists() else []),
         f"  The page      {outcome.page}",
         *([f"  How near      {outcome.similarity}"] if outcome.similarity else []),
         *([f"  The easel     {outcome.calibration}, with what was learned of it"] if outcome.calibration else []),

@@ -186,15 +186,23 @@ def render(
     ] = 1080,
     out: PictureOut = Path("render.png"),
 ) -> None:
-    """Render a plan as a picture of any size, with the stroke models of its brushes."""
+    """Render a plan as a picture of any size.
+
+    Up to 1080 rows, the stroke models of its brushes draw it; they know no more detail. Above, bristles of the virtual
+    studio lay each stroke exactly where it is planned.
+    """
     from frida_painter.render.painting import render_plan
     from frida_painter.strokes.plan import Plan
     from frida_painter.system import images
+    from frida_painter_cli.plan_output import lay_with_bristles
 
     loaded = Plan.load(plan)
-    picture = render_plan(loaded, height)
+    laid = lay_with_bristles(loaded, height) if height > 1080 else None
+    picture = render_plan(loaded, height) if laid is None else images.from_uint8(laid)
     images.save(picture, out)
     print(f"{len(loaded)} strokes at {picture.shape[2]} x {picture.shape[1]} pixels: {out}", file=sys.stdout)
+    if laid is None and height > 1080:
+        print("Above 1080 rows it shows no more detail: the virtual studio has no bristles like those of its brushes.")
 
 
 # Command that continues a painting that broke off, was stopped or has paused.

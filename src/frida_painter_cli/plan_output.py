@@ -5,8 +5,11 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from frida_painter.brush.kinds import stroke_path
 from frida_painter.brush.weights import load_models_of
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
@@ -14,7 +17,10 @@ from frida_painter.easel.connecting import examine_robot
 from frida_painter.easel.kinds import NO_CAMERA, VIRTUAL, easel_kind, is_machine, is_simulated, state_folder
 from frida_painter.easel.open import find_reach, make_robot, open_easel
 from frida_painter.easel.order import EaselOrder
+from frida_painter.easel.virtual_easel import studio_brush
 from frida_painter.errors import ConfigError, RobotError, WorkspaceViolation
+from frida_painter.frames import PixelGrid
+from frida_painter.hardware.easel import PersonCanvas, PersonStroke
 from frida_painter.hardware.gcode import Gcode, read_own
 from frida_painter.hardware.robot import Examination, LooseRobot, Reach, TimedRobot, Waypoints, Workspace
 from frida_painter.hardware.timing import AxisTiming, Timing, TravelLimits
@@ -36,6 +42,37 @@ from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
 from frida_painter.system.devices import prepare_process
 from frida_painter.system.storage import count_of
+
+# A plan in all its detail, as a hand without noise would paint it in the virtual studio.
+
+_STEP = 0.001  # of a path, metres
+_PACE = 10.0  # seconds between strokes, as those of the studio's robot
+
+
+def lay_with_bristles(plan: Plan, rows: int) -> NDArray[np.uint8] | None:
+    """Returns the plan [rows, columns, 3], sRGB, as bristles lay it; None if the studio has no such brush."""
+    from frida_painter.virtual.bristles import brush_names  # loads compiled loops
+    from frida_painter.virtual.studio import StudioSettings, open_studio
+
+    brushes = {name: studio_brush(name) for name in plan.brushes}
+    if not set(brushes.values()) <= set(brush_names()):
+        return None
+    columns = PixelGrid.of_height(plan.canvas, rows).columns
+    settings = StudioSettings(ground=plan.ground, print_pixels=max(rows, columns))
+    operator = open_studio(plan.canvas, settings=settings).easel.operator
+    assert isinstance(operator, PersonCanvas)
+    number = 0
+    for part in plan.filled_layers():
+        operator.let_dry(DRYING)
+        operator.fill_wells(part.palette)
+        for index, well in enumerate(part.paint.tolist()):
+            place, press = stroke_path(part.strokes, index, step=_STEP)
+            upright, number = np.zeros(len(press)), number + 1
+            brush = brushes[part.layers[0].brush]
+            operator.paint_stroke(PersonStroke(number, brush, well, place, press, upright, upright, _PACE))
+    laid = operator.print_canvas()
+    return np.asarray(cv2.resize(np.asarray(laid), (columns, rows), interpolation=cv2.INTER_AREA), np.uint8)
+
 
 # Exporters of plans: SVG, G-code and a table.
 

@@ -445,7 +445,8 @@ def _hand_on(given: Reply, folder: PaintingFolder, asked: Any, place: Path) -> N
 
 def _best_picture(folder: PaintingFolder) -> str | None:
     """Returns the picture of the painting, or else of its newest plan; None if there is none."""
-    candidates = ["painting/painting.png", *(f"{plan.number}/plan.jpg" for plan in reversed(folder.plans()))]
+    shown = ("painting/canvas.png", "painting/painting.png")  # the latter may be a large print
+    candidates = [*shown, *(f"{plan.number}/plan.jpg" for plan in reversed(folder.plans()))]
     for candidate in candidates:
         place, _, name = candidate.partition("/")
         if folder.find_shown(place, name) is not None:

@@ -120,8 +120,10 @@ def test_a_painting_from_the_command_line_leaves_everything_in_its_folder(
     assert wanted <= set(result["files"])
     assert result["settings"]["photo"] == photo.name and result["title"] == "A cup of coffee"
     assert len(Plan.load(folder)) == 9
-    with Image.open(folder / "painting.png") as painting:
-        assert painting.size == (1152, 864)
+    with Image.open(folder / "painting.png") as painting, Image.open(folder / "card.jpg") as card:
+        assert max(painting.size) >= 3000 and max(card.size) >= 1500
+    with Image.open(folder / "canvas.png") as canvas:
+        assert canvas.size == (1152, 864)
     with Image.open(folder / "plan.png") as plan:
         size = plan.size
 
@@ -133,11 +135,12 @@ def test_a_painting_from_the_command_line_leaves_everything_in_its_folder(
         )
         return float(-10 * np.log10(((one - other) ** 2).mean()))
 
-    near = compute("painting.png", "target.jpg")
+    near = compute("canvas.png", "target.jpg")
+    assert compute("painting.png", "canvas.png") > 25, "the print is of the same canvas"
     assert f"The painting against the photograph: {near:.2f} dB (PSNR at {size[0]} x {size[1]} pixels)" in out
     page = (folder / "index.html").read_text()
     assert f"{size[0]} x {size[1]} pixels" in page and f"{near:.2f}<" in page
-    pairs = ("plan.png", "target.jpg"), ("painting.png", "target.jpg"), ("painting.png", "plan.png")
+    pairs = ("plan.png", "target.jpg"), ("canvas.png", "target.jpg"), ("canvas.png", "plan.png")
     told = [(each["psnr_db"], each["pixels"]) for each in result["comparisons"]]
     assert told == [(pytest.approx(compute(*pair), abs=0.002), list(size)) for pair in pairs]
 

@@ -51,6 +51,8 @@ STORY: dict[str, Any] = {
     "comparisons": (PictureComparison("the painting to the photograph", 18.24, 12.5, (340, 256)),),
     "watched": True,
     "left_out": 2,
+    "size": (3556, 2372),
+    "has_card": True,
     "arm_film": "",
 }
 
@@ -88,13 +90,14 @@ class Reader(HTMLParser):
 
 def test_the_page_shows_every_picture_of_the_story() -> None:
     reader = Reader(page(STORY))
-    pictures = ["target.jpg", "plan.png", "painting.png"]
+    pictures = ["target.jpg", "plan.png", "canvas.png"]
     for look, planned in LOOKS:
         pictures += [*look.pictures.values(), planned.look]
     assert set(pictures) == set(reader.all("img", "src"))
     assert reader.all("video", "src") == ["film.mp4"]
     links = set(reader.all("a", "href"))
-    assert {"palette.png", "mixing.png", "shopping.png", "shopping.txt", "plan.json", "strokes.svg"} <= links
+    files = {"palette.png", "mixing.png", "shopping.png", "shopping.txt", "plan.json", "strokes.svg"}
+    assert files | {"painting.png", "card.jpg"} <= links
 
 
 def test_the_page_says_what_the_story_says() -> None:
@@ -116,9 +119,11 @@ def test_the_page_says_what_the_story_says() -> None:
         "After 1 stroke the painter looked, and planned the 39 that were left again",
         "should come 33 % nearer to the goal than if it had gone on blindly",
         "(PSNR): 20.0 dB expected, 19.5 to 20.5.",
-        "0.03 before, 0.02",
+        "To print, 3556 x 2372 pixels",
+        "1 stroke 20 strokes 40 strokes As expected",  # the looks in a row
     ):
         assert words in text
+    assert "loss" not in text.lower()
     assert "18.2" in text and "12.5" in text and "Seed7" in text
     for brush in PAINTS:
         assert brush.title in text and all(mixture.recipe.words in text for mixture in brush.mixtures)
@@ -160,7 +165,9 @@ def test_what_people_typed_is_text_and_never_markup() -> None:
     Reader(html)
 
 
-@pytest.mark.parametrize("field", ["has_film", "supplies", "paints", "looks", "comparisons", "watched", "left_out"])
+@pytest.mark.parametrize(
+    "field", ["has_film", "has_card", "supplies", "paints", "looks", "comparisons", "watched", "left_out"]
+)
 def test_each_part_may_be_missing(field: str) -> None:
     Reader(page({**STORY, field: ()}))
     Reader(page({**STORY, field: (), "described": replace(DESCRIBED, target=None, facts=(), has_camera=False)}))
@@ -169,7 +176,7 @@ def test_each_part_may_be_missing(field: str) -> None:
 def test_a_painting_that_was_stopped_early_says_so() -> None:
     reader = Reader(page({**STORY, "state": PaintingState(end=End(stopped=True)), "has_film": False, "looks": ()}))
     assert "stopped before it was finished" in reader.text and "The unfinished canvas" in reader.text
-    assert set(reader.all("img", "src")) == {"target.jpg", "plan.png", "painting.png"}
+    assert set(reader.all("img", "src")) == {"target.jpg", "plan.png", "canvas.png"}
     assert reader.all("video", "src") == []
 
 

@@ -3,10 +3,12 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from frida_painter.errors import StorageError
 from frida_painter.planning.mixable import MIXED_PAINTS
 from frida_painter.report.recorder import Description, Recorder
 from frida_painter.session.events import (
@@ -24,6 +26,7 @@ from frida_painter.session.fold import PaintingState
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import Painting
 from frida_painter.strokes.plan import Plan
+from frida_painter.system import images
 from support.planning import small_table
 from support.plans import CANVAS, LIMITS, made_up_plan
 
@@ -98,6 +101,8 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
         "shopping.png",
         "shopping.txt",
         "painting.png",
+        "canvas.png",
+        "card.jpg",
         "film.mp4",
         "plan.json",
         "index.html",
@@ -111,6 +116,43 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
     assert "12 strokes in 3 paints" in page.read_text() and "1 look in between" in page.read_text()
     assert "A cup &lt;of&gt; coffee" in page.read_text() and "300 x 200 mm" in page.read_text()
     assert all(path.stat().st_size > 50 for path in tmp_path.iterdir() if path.name != "plan.json")
+
+
+def test_a_print_is_the_painting_and_the_look_stays_what_is_measured(tmp_path: Path) -> None:
+    printed = np.random.default_rng(1).integers(0, 255, (300, 450, 3), np.uint8)
+    journal = Journal(None)
+    with Recorder(tmp_path, Description(*TOLD, 4), {"medium": small_table()}, journal.state) as recorder:
+        for event in an_evening():
+            journal.tell(recorder.hear(event))
+        page = recorder.finish(whole(), printed)
+    assert (images.load_exactly(tmp_path / "painting.png") == printed).all()
+    assert images.load(tmp_path / "canvas.png").shape == (3, 80, 120)
+    assert page is not None and "450 x 300 pixels" in page.read_text()
+    without = tmp_path / "without"
+    without.mkdir()
+    assert recorded(without, an_evening(), whole())[1]["comparisons"] == read_json(tmp_path)["comparisons"]
+    assert (without / "painting.png").read_bytes() == (without / "canvas.png").read_bytes()
+
+
+def test_a_painting_without_room_for_its_print_is_complete_and_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(pixels: np.ndarray, path: Path) -> None:
+        raise StorageError("No space is left.")
+
+    monkeypatch.setattr("frida_painter.system.images.save_exactly", full)
+    journal = Journal(None)
+    with Recorder(tmp_path, Description(*TOLD, 4), {"medium": small_table()}, journal.state) as recorder:
+        for event in an_evening():
+            journal.tell(recorder.hear(event))
+        page = recorder.finish(whole(), np.zeros((300, 450, 3), np.uint8))
+    assert images.load(tmp_path / "painting.png").shape == (3, 80, 120)
+    assert page is not None and "1, for want of space on the disk" in page.read_text()
+
+
+def read_json(folder: Path) -> dict[str, object]:
+    found: dict[str, object] = json.loads((folder / "result.json").read_text())
+    return found
 
 
 def test_colors_that_were_changed_so_that_they_can_be_mixed_are_told(tmp_path: Path) -> None:

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from frida_painter.virtual.studio import StudioSettings, VirtualStudio
 
 PAPER = CanvasSize(0.42, 0.297)
+PRINT = 3000
+"""Least pixels of the longer side of the print of a painting."""
 
 
 def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
@@ -34,6 +36,7 @@ def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Vi
     same = {name: getattr(wanted, name) for name in ("placement_error", "pace", "faults")}
     settings = StudioSettings(**{"arm": arm, **same, "picture": wanted.canvas_picture, **furniture})
     diary = None if order.folder is None else order.folder / SIMULATION_LOG
+    settings = settings if diary is None else replace(settings, print_pixels=PRINT)
     studio = open_studio(order.canvas, own, seed=wanted.seed, settings=settings, state=diary)
     easel = replace(studio.easel, calibration=replace(studio.easel.calibration, color=_true_colors_of(settings.camera)))
     if wanted.canvas_picture is not None:

@@ -48,6 +48,10 @@ class Operator(Protocol):
         """Returns True if the colour checker is gone; False if a person must be asked to take it away."""
         return False
 
+    def print_canvas(self) -> NDArray[np.uint8] | None:
+        """Returns the canvas [rows, columns, 3], sRGB, in more detail than a camera sees; None if only a camera can."""
+        return None
+
 
 @dataclass(frozen=True)
 class PersonBrush:

@@ -19,7 +19,8 @@ Color = tuple[float, float, float]
 
 SECONDS = 15.0
 HOLD = 2.0
-LONGEST = 1280
+_ROWS, _COLUMNS = 1080, 1920
+_MARGIN, _BAR = 43, 14  # pixels; they leave 960 rows
 _MOUNT = (244, 241, 235)
 _TRACK = (226, 221, 212)
 
@@ -74,28 +75,27 @@ class FilmWriter:
 
 
 class _Stage:
-    """Film picture: the canvas on its mount, with the bar of paints below."""
+    """Film picture of 1920 x 1080 pixels: the canvas on its mount, with the bar of paints below."""
 
     def __init__(self, rows: int, columns: int) -> None:
-        share = min(1.0, LONGEST / max(rows, columns))
+        below = _MARGIN // 2 + _BAR - 1
+        share = min((_ROWS - 2 * _MARGIN - below) / rows, (_COLUMNS - 2 * _MARGIN) / columns)
         self._rows, self._columns = max(2, round(rows * share)), max(2, round(columns * share))
-        margin = 2 * max(4, round(0.02 * max(self._rows, self._columns)))
-        bar = max(4, margin // 3)
-        height, width = self._rows + 2 * margin + bar + margin // 2, self._columns + 2 * margin
-        self.pixels = np.empty((height + height % 2, width + width % 2, 3), np.uint8)
+        self.pixels = np.empty((_ROWS, _COLUMNS, 3), np.uint8)
         self.pixels[:] = _MOUNT
-        self._canvas = self.pixels[margin : margin + self._rows, margin : margin + self._columns]
-        top = margin + self._rows + margin // 2 + margin // 4
-        self._bar = self.pixels[top : top + bar, margin : margin + self._columns]
+        top, left = (_ROWS - below - self._rows) // 2, (_COLUMNS - self._columns) // 2
+        self._canvas = self.pixels[top : top + self._rows, left : left + self._columns]
+        top += self._rows + _MARGIN // 2
+        self._bar = self.pixels[top : top + _BAR, left : left + self._columns]
         self._bar[:] = _TRACK
         self._reached = 0
 
     def show(self, frame: NDArray[np.uint8], progress: float, color: Color | None) -> None:
         """Draws a frame on the mount and extends the bar to `progress` in [0, 1]."""
         if frame.shape[:2] != (self._rows, self._columns):
-            self._canvas[:] = cv2.resize(frame, (self._columns, self._rows), interpolation=cv2.INTER_AREA)
-        else:
-            self._canvas[:] = frame
+            way = cv2.INTER_AREA if frame.shape[0] > self._rows else cv2.INTER_CUBIC
+            frame = np.asarray(cv2.resize(frame, (self._columns, self._rows), interpolation=way), np.uint8)
+        self._canvas[:] = frame
         reached = round(progress * self._columns)
         if color is not None:
             self._bar[:, self._reached : reached] = [round(255 * part) for part in color]

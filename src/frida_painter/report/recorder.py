@@ -10,7 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.brush.kinds import StrokeModel
@@ -20,7 +22,7 @@ from frida_painter.mixing.recipe import PaintSet
 from frida_painter.mixing.shopping import BrushPaints, supplies
 from frida_painter.registry import Later
 from frida_painter.report.film import FilmWriter, keep_frame, kept_frames
-from frida_painter.report.sheets import RecipeSheets, difference
+from frida_painter.report.sheets import RecipeSheets, card, difference
 from frida_painter.report.story import PictureComparison, compare, paints
 from frida_painter.session import events
 from frida_painter.session.events import Event
@@ -28,6 +30,7 @@ from frida_painter.session.fold import LookState, PaintingState
 from frida_painter.session.progress import Painting
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images, storage
+from frida_painter.system.storage import count_of
 
 # Results, which are written at the end.
 _plan_widths = Later("frida_painter.report.vector:plan_widths")
@@ -35,7 +38,8 @@ _draw_svg = Later("frida_painter.report.vector:svg")
 _write_table = Later("frida_painter.report.vector:table")
 _write_page = Later("frida_painter.report.page:write_page")
 
-_RESULT, _TARGET = "result.json", "target.jpg"
+_RESULT, _TARGET, _CANVAS, _PAINTING = "result.json", "target.jpg", "canvas.png", "painting.png"
+_CARD, _NEARNESS = "card.jpg", "The painting against the photograph"
 _FORECAST = ("expected_psnr_db", "least_psnr_db", "most_psnr_db")
 
 
@@ -118,8 +122,10 @@ class Recorder:
             self._left_out += 1
         return event
 
-    def finish(self, painting: Painting) -> Path | None:
+    def finish(self, painting: Painting, printed: NDArray[np.uint8] | None = None) -> Path | None:
         """Closes the film, writes pictures, exports, figures and the page; returns the page's path.
+
+        printed [rows, columns, 3]: the canvas in more detail than its photograph; None if there is only that
 
         Returns None if the work was stopped before there was a plan: then there is nothing to tell. Raises
         StorageError.
@@ -133,8 +139,10 @@ class Recorder:
         widths = _plan_widths(painted, self.models)
         storage.write_text(self.folder / "strokes.svg", _draw_svg(painted, widths))
         storage.write_text(self.folder / "strokes.csv", _write_table(painted))
-        images.save(painting.photograph, self.folder / "painting.png")
+        images.save(painting.photograph, self.folder / _CANVAS)
+        size = self._keep_painting(painting.photograph, printed)
         comparisons = self._compare(painting.photograph, self._first_expected)
+        self._keep_card(images.to_uint8(painting.photograph) if printed is None else printed, painting, comparisons)
         self.similarity = next((str(one) for one in comparisons if one.label.startswith("The painting")), "")
         story = {
             "described": self.described,
@@ -146,13 +154,41 @@ class Recorder:
             "looks": self._looks(),
             "comparisons": comparisons,
             "watched": self._watched,
+            "size": size,
             "left_out": self._left_out,
             "has_film": (self.folder / "film.mp4").exists(),
+            "has_card": (self.folder / _CARD).exists(),
             "arm_film": ARM_FILM if (self.folder / ARM_FILM).exists() else "",
         }
         page = _write_page(story, self.folder)
         self._write_result(self._plan, painting, comparisons)
         return page
+
+    def _keep_painting(self, photograph: Tensor, printed: NDArray[np.uint8] | None) -> tuple[int, int]:
+        """Writes the painting, in all its detail if there is room; returns its columns and rows."""
+        path = self.folder / _PAINTING
+        try:
+            if printed is not None:
+                images.save_exactly(printed, path)
+                return printed.shape[1], printed.shape[0]
+        except StorageError:
+            self._left_out += 1
+        storage.copy(self.folder / _CANVAS, path, "a picture of the canvas", storage.MAX_BYTES)
+        return photograph.shape[2], photograph.shape[1]
+
+    def _keep_card(
+        self, painted: NDArray[np.uint8], painting: Painting, comparisons: tuple[PictureComparison, ...]
+    ) -> None:
+        """Writes the card with the photograph, if there is one, and the painting [rows, columns, 3]."""
+        target, last = self.described.target, self.state.sittings.last
+        near = [one.words for one in comparisons if target is not None and one.label == _NEARNESS]
+        done = count_of(painting.painted, "stroke")
+        day = [] if last is None else [f"{last.astimezone():%d %B %Y}".lstrip("0")]
+        try:
+            pictures = [*([] if target is None else [images.to_uint8(target)]), painted]
+            images.save(card(pictures, self.described.title, "   ·   ".join([*day, done, *near])), self.folder / _CARD)
+        except StorageError:
+            self._left_out += 1
 
     def _keep_plan(self, event: events.Planned) -> events.Planned:
         """Stores the whole plan: the painted strokes, then the remaining ones; returns the event with its picture."""

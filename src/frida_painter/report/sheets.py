@@ -24,7 +24,21 @@ from frida_painter.report.story import PaintFacts, paints
 from frida_painter.strokes.palette import Palette, to_hex, to_lab
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images, storage
-from frida_painter.system.sheet import A4, INK, LINE, PAPER, SOFT, WARNING, Grid, Sheet, font, scale, shorten, to_bytes
+from frida_painter.system.sheet import (
+    A4,
+    CREAM,
+    INK,
+    LINE,
+    PAPER,
+    SOFT,
+    WARNING,
+    Grid,
+    Sheet,
+    font,
+    scale,
+    shorten,
+    to_bytes,
+)
 from frida_painter.system.storage import count_of
 
 # Figures: pictures side by side on one sheet, with headings, labels and captions.
@@ -97,6 +111,38 @@ def _rows(cell: Cell, width: int) -> int:
 def _height(line: FigureRow, width: int) -> int:
     captioned = any(cell and cell.caption for cell in line.cells)
     return max((_rows(cell, width) for cell in line.cells if cell), default=0) + _GAP + (_SMALL + 8 if captioned else 0)
+
+
+# A card to show and to give away: a photograph and its painting in a frame.
+
+_CARD_PICTURE, _MOUNT, _FRAME = 1300, 110, 30  # pixels: longer side of each picture, and widths around
+_WOOD, _BEVEL, _SHADE = (58, 47, 39), (255, 254, 251), (196, 189, 177)
+
+
+def card(pictures: Sequence[NDArray[np.uint8]], title: str, facts: str) -> Tensor:
+    """Returns pictures of one shape [h, w, 3] in a frame with a mount, sRGB [3, rows, columns] in [0, 1].
+
+    Upright ones stand side by side, others below each other; title and facts are below them.
+    """
+    rows, columns, _ = pictures[-1].shape
+    share = _CARD_PICTURE / max(rows, columns)
+    width, height = max(1, round(columns * share)), max(1, round(rows * share))
+    across = len(pictures) if rows > columns else 1
+    edge = _MOUNT + _FRAME
+    grid = Grid(edge, edge, across, width, height, across=_MOUNT // 2, down=_MOUNT // 2)
+    foot = grid.bottom(len(pictures)) + 64
+    sheet = Sheet(max(grid.right, _CARD_PICTURE + edge) + edge, foot + 64 + 34 + edge, CREAM)
+    middle = sheet.image.width / 2
+    grid = replace(grid, left=round(middle - (grid.right - grid.left) / 2))
+    sheet.draw.rectangle((0, 0, sheet.image.width - 1, sheet.image.height - 1), outline=_WOOD, width=_FRAME)
+    for picture, (x, y) in zip(pictures, grid.corners(len(pictures)), strict=True):
+        sheet.draw.rectangle((x - 5, y - 5, x + width + 4, y + height + 4), fill=_BEVEL)
+        sheet.draw.line((x - 5, y + height + 4, x - 5, y - 5, x + width + 4, y - 5), fill=_SHADE, width=3)
+        small = Image.fromarray(picture).resize((width, height), Image.Resampling.LANCZOS, reducing_gap=3.0)
+        sheet.paste(small, (x, y))
+    sheet.text((middle, foot), shorten(title, 46, 2 * middle - 2 * edge), 46, INK, "ma")
+    sheet.text((middle, foot + 68), facts, 25, SOFT, "ma")
+    return sheet.tensor()
 
 
 # A picture for a decision about one stroke: is it on the canvas, or did the painting stop before it?

@@ -1,5 +1,6 @@
 """Figures of a painting for its page and its sheets: the use of each paint, and the similarity of two pictures."""
 
+import math
 from dataclasses import dataclass
 
 from torch import Tensor
@@ -7,6 +8,13 @@ from torch import Tensor
 from frida_painter.strokes.palette import to_hex, to_lab
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
+
+_LIKENESS = (
+    (26.0, "a close likeness"),
+    (21.0, "a good likeness"),
+    (17.0, "a free likeness"),
+    (-math.inf, "a distant likeness"),
+)  # from so many dB on
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,11 @@ class PictureComparison:
     psnr: float
     distance: float
     size: tuple[int, int]
+
+    @property
+    def words(self) -> str:
+        """Nearness of a painting to its photograph, as a person says it."""
+        return next(words for least, words in _LIKENESS if self.psnr >= least)
 
     def __str__(self) -> str:
         return f"{self.label}: {self.psnr:.2f} dB (PSNR at {self.size[0]} x {self.size[1]} pixels)"

@@ -164,10 +164,10 @@ def are_there(folder: Path, strokes: int) -> bool:
 
 
 _FILES = (
-    "index.html", "painting.png", "film.mp4", ARM_FILM, ".arm/*", "palette*.png", "mixing*.png", "plan.png", NOW,
-    "target.jpg", "look-*.jpg", "shopping.*", "painters.*", "strokes.*", "result.json", SETTINGS, "plan.json",
-    "plan-*.safetensors", CALIBRATION, JOURNAL, f".{JOURNAL}-tally", SIMULATION_LOG, f".{SIMULATION_LOG}-tally",
-    f"{GOAL}/**/*", "changes/**/*", "regions/*", f"{PHOTOGRAPHS}/*", f"{SKETCHBOOK}/*",
+    "index.html", "painting.png", "canvas.png", "card.jpg", "film.mp4", ARM_FILM, ".arm/*", "palette*.png",
+    "mixing*.png", "plan.png", NOW, "target.jpg", "look-*.jpg", "shopping.*", "painters.*", "strokes.*", "result.json",
+    SETTINGS, "plan.json", "plan-*.safetensors", CALIBRATION, JOURNAL, f".{JOURNAL}-tally", SIMULATION_LOG,
+    f".{SIMULATION_LOG}-tally", f"{GOAL}/**/*", "changes/**/*", "regions/*", f"{PHOTOGRAPHS}/*", f"{SKETCHBOOK}/*",
 )  # fmt: skip
 
 

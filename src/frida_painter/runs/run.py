@@ -6,6 +6,7 @@ module connects planner, easel process, journal and recorder.
 
 import gc
 import json
+import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, closing, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, replace
@@ -14,7 +15,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Literal, Self, Unpack
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.brush.kinds import brush_kind
@@ -30,6 +33,7 @@ from frida_painter.errors import (
     CameraError,
     ConfigError,
     FridaError,
+    ImageError,
     Interrupted,
     PaintingPaused,
     RobotError,
@@ -443,7 +447,7 @@ class PaintingRun:
         assert self._reopened is not None and self.painting.end.finished
         self._take_up_record()
         self._journal.record_canvas(canvas, self.painting.progress.painted, seen=True)
-        images.save(canvas, self.folder / "painting.png")
+        images.save(canvas, self.folder / "canvas.png")
         return self._make_results(self._reopened.plan)
 
     def _take_up_record(self) -> None:
@@ -467,7 +471,26 @@ class PaintingRun:
             painting = Painting(canvas, state.progress.painted, None, state.end.robot_seconds)
             if self._run_record is not None:
                 self._results = {"painting": hash_picture(canvas), **self._run_record.results}
-            return RunOutcome(self.folder, painting, recorder.finish(painting), similarity=recorder.similarity)
+            page = recorder.finish(painting, self._print_again())
+            return RunOutcome(self.folder, painting, page, similarity=recorder.similarity)
+
+    def _print_again(self) -> NDArray[np.uint8] | None:
+        """Returns the print of a finished painting: from its file, else from the simulated easel; None if it has none.
+
+        Raises StorageError if the easel cannot be opened as it was left.
+        """
+        if not (self.spec.simulated and self.spec.has_camera):
+            return None
+        with suppress(ImageError):
+            return images.load_exactly(self.folder / "painting.png")
+        log = self.folder / SIMULATION_LOG
+        if not log.exists():
+            return None
+        with tempfile.TemporaryDirectory() as place:  # whoever opens a log adds to it
+            storage.copy(log, Path(place, log.name), "the diary of a virtual studio", storage.MAX_BYTES)
+            ordered = order(self.spec, self.planner.brushes, Path(place), self._state)
+            with closing(open_easel(ordered)) as opened:
+                return opened.easel.operator.print_canvas()
 
     def _on_record(self, easel: Easel) -> Easel:
         """Returns the easel with its calibration record; a simulated easel may ignore the record of another easel."""
@@ -561,11 +584,14 @@ class PaintingRun:
                 self.report(events.Stopped())
         if painting is not None and painting.rest is not None:  # else there is no plan, and nothing to finish
             self.report(events.Began("results"))
+        printed: NDArray[np.uint8] | None = None
         with suppress(FridaError):  # its faults were reported before
+            if painting is not None and self.spec.has_camera:  # else nobody sees what is on the canvas
+                printed = session.hand.easel.operator.print_canvas()
             session.hand.easel.robot.close()  # ends a film of the robot
         page = None
         try:
-            page = None if painting is None else recorder.finish(painting)
+            page = None if painting is None else recorder.finish(painting, printed)
         except StorageError as full:
             if trouble is None:  # else the first error matters more
                 raise StorageError(
@@ -582,8 +608,8 @@ class PaintingRun:
         """Adds further results, tells which results there are, and returns the outcome."""
         if outcome.page is not None:
             self.finish(outcome)
-            files = (("film", "film.mp4"), ("arm", ARM_FILM), ("painters", "painters.png"))
-            there = {name: (self.folder / file).exists() for name, file in files}
+            files = ("film.mp4", ARM_FILM, "painters.png", "canvas.png", "card.jpg")
+            there = {Path(file).stem: (self.folder / file).exists() for file in files}
             self.report(events.ResultFound("results", detail=there))
         return outcome
 

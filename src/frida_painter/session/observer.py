@@ -136,7 +136,7 @@ class FilmView:
 
 PHOTOGRAPH_ROWS = 864
 """Height in pixels of the canvas in a look for decisions."""
-TIMELAPSE_ROWS = 540
+TIMELAPSE_ROWS = 960
 _ATTEMPTS = 3
 _BETWEEN = 0.5  # seconds before a rejected frame is taken again, for example until a hand has left
 

@@ -170,7 +170,8 @@ def last_canvas(folder: Path, state: PaintingState, size: CanvasSize, calibratio
     if state.pictures.assumed is not None and storage.exists(folder / state.pictures.assumed):
         return images.load(folder / state.pictures.assumed)
     seen = load_canvas(folder, state.pictures.last, state, size, calibration)
-    return images.load(folder / "painting.png") if seen is None else seen
+    known = folder / "canvas.png"  # a folder of an older version has only the painting
+    return images.load(known if known.exists() else folder / "painting.png") if seen is None else seen
 
 
 def load_canvas(

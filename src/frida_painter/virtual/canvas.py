@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from frida_painter.virtual.bristles import Tuft
+from frida_painter.virtual.fine_canvas import Bristles, FineCanvas
 from frida_painter.virtual.paint import BANDS, film_over
 
 # Shares per cell that a bristle crosses: of the difference to its film that it evens out, and of the wet paint that
@@ -38,14 +39,15 @@ class Canvas:
     tooth [r, c]: 0 for the tops of the weave, 1 for its valleys.
 
     drying_rate: mm of a wet film that set per second; a film sets from below.
+    detail: least pixels of the longer side of a print, whose detail is drawn with the marks. 0: no print is made.
     """
 
     def __init__(
         self, width: float, height: float, *, cell: float, ground: NDArray[np.float64], drying_rate: float,
-        random: np.random.Generator,
+        random: np.random.Generator, detail: int = 0,
     ) -> None:  # fmt: skip
         self.width, self.height, self.cell = width, height, cell
-        self._drying_rate = drying_rate
+        self._drying_rate, self._detail = drying_rate, detail
         rows, columns = math.ceil(height / cell), math.ceil(width / cell)
         self.wet = np.zeros((rows, columns, 1 + 2 * BANDS), np.float32)
         self.dry = np.zeros((rows, columns), np.float32)
@@ -71,6 +73,7 @@ class Canvas:
         """Sets the linear reflectance under the wet film, [3] or [rows, columns, 3]."""
         self.ground = (ground * (1 - 0.012 * (self.tooth[..., None] - 0.5))).astype(np.float32)
         self._changed[:] = True
+        self._fine: FineCanvas | None = None
 
     def touch(self, tuft: Tuft, path: NDArray[np.float64], now: float) -> None:
         """Moves a tuft along a path (see Tuft.feet) at time `now` (s); both exchange paint."""
@@ -83,10 +86,27 @@ class Canvas:
             self.wet[box], self.ground[box], self.dry[box], self.settled[box], self._changed[box],
             now, self._drying_rate,
         )  # fmt: skip
+        before = Bristles.of(tuft)
         _exchange(
             feet, travelled / self.cell, tuft.load, tuft.pigment, tuft.capacity, tuft.bite,
             self.wet, self.tooth, self._changed, self.cell, tuft.brush.film,
         )  # fmt: skip
+        if self._detail:
+            self._finer.lay(feet, travelled, tuft, before)
+
+    def print(self) -> NDArray[np.uint8] | None:
+        """Returns the canvas with its hairs and weave, in even light: sRGB [rows, columns, 3], row 0 at the top.
+
+        Its longer side has at least `detail` pixels. None if that is 0.
+        """
+        return self._finer.picture(self.reflectance(), self._detail) if self._detail else None
+
+    @property
+    def _finer(self) -> FineCanvas:
+        """The detail of the marks, begun at the first mark on the ground."""
+        if self._fine is None:
+            self._fine = FineCanvas(self.ground, self.tooth, self.cell, self._detail)
+        return self._fine
 
     def dry_until(self, now: float) -> None:
         """Dries the whole canvas until time `now` (s)."""

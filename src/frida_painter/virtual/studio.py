@@ -224,6 +224,10 @@ class StudioOperator:
         """Paints a person's stroke, unless one of that number is there already. Raises ConfigError."""
         self.hand.paint(stroke)
 
+    def print_canvas(self) -> NDArray[np.uint8] | None:
+        """Returns the canvas as it is [rows, columns, 3], sRGB; None in a studio that is not set up to print."""
+        return self._table.canvas.print()
+
     def _put_checker(self, lying: Checker | None) -> None:
         self._table.checker = lying
         card = self.checker
@@ -346,6 +350,7 @@ class StudioSettings:
     pace: real seconds per second of the robot's motions, 0 as fast as possible.
     noise: noise of the hand. None: that of the arm.
     camera, faults: see CameraSpec and Faults.
+    print_pixels: least pixels of the longer side of a print, which takes memory; marks do not depend on it. 0: none.
     Raises ConfigError if a value is out of range.
     """
 
@@ -360,6 +365,7 @@ class StudioSettings:
     noise: HandNoise | None = None
     camera: CameraSpec = field(default_factory=CameraSpec)
     faults: Faults = NO_FAULTS
+    print_pixels: int = 0
 
     def __post_init__(self) -> None:
         arms = (FREE, *registry.parts(registry.STUDIO_ARMS))
@@ -425,6 +431,7 @@ class VirtualStudio:
             Canvas, canvas.width * _MM, canvas.height * _MM,
             cell=settings.cell or max(0.4, math.sqrt(area / _MAX_CELLS)),
             ground=_first_look(settings, canvas), drying_rate=_FILM / settings.drying_time, random=for_canvas,
+            detail=settings.print_pixels,
         )  # fmt: skip
         self.placement_error = settings.placement_error or PlacementError.sample(for_error)
         deepest = max(brushes.values(), key=lambda each: each.press_depth)
@@ -566,7 +573,8 @@ def _first_look(settings: StudioSettings, canvas: CanvasSize) -> NDArray[np.floa
 
 def _furnishing(canvas: CanvasSize, brush: str, settings: StudioSettings, seed: int) -> dict[str, Any]:
     """Returns the setup of a studio in plain values, without faults, which are in its log."""
-    furniture = {name: value for name, value in asdict(settings).items() if name not in ("faults", "pace", "picture")}
+    changing = ("faults", "pace", "picture", "print_pixels")
+    furniture = {name: value for name, value in asdict(settings).items() if name not in changing}
     if settings.picture is not None:
         furniture["picture"] = str(settings.picture)
     return {"canvas": asdict(canvas), "brush": brush, "seed": seed, **furniture}
@@ -581,7 +589,7 @@ def load_kernels(brush: str) -> None:
     This takes half a second, or more without a cache. It blocks all threads of a process, also the one that watches
     for a stop. Raises ConfigError for an unknown brush.
     """
-    settings = StudioSettings(cell=2.0, camera=CameraSpec((30, 40)))
+    settings = StudioSettings(cell=2.0, camera=CameraSpec((30, 40)), print_pixels=100)
     easel = open_studio(CanvasSize(0.2, 0.2), brush, settings=settings).easel
     easel.robot.connect()
     easel.camera.connect()
@@ -590,4 +598,5 @@ def load_kernels(brush: str) -> None:
     down = np.array([[x + 0.01, y + 0.01, z + 0.01], [x + 0.01, y + 0.01, z - 0.001], [x + 0.01, y + 0.02, z - 0.001]])
     easel.robot.follow(Waypoints("dip", np.array([easel.workspace.wells[0]]), 0.1))
     easel.robot.follow(Waypoints("touch", down, 0.1))
+    easel.operator.print_canvas()
     easel.camera.capture(0.0)

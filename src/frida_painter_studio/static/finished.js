@@ -9,7 +9,7 @@ import { beforeAfter, cardFacts, paintingCard } from "./keepsake.js";
 import { whoPainted } from "./painters.js";
 
 const FILES = [
-  ["painting.png", "The painting"], ["film.mp4", "The timelapse film"], ["palette.png", "The palette, to print"],
+  ["painting.png", "The painting, to print"], ["card.jpg", "A card to show"], ["film.mp4", "The timelapse film"], ["palette.png", "The palette, to print"],
   ["strokes.svg", "The strokes, for plotters and Inkscape (SVG)"], ["strokes.gcode", "The strokes for GRBL machines (G-code, waits at every dip)"],
   ["strokes.csv", "The strokes as a table (CSV)"], ["plan.json", "The plan"],
 ];
@@ -26,7 +26,7 @@ export function finishedStage(house, here, first) {
   const results = painting.end.results ?? [];
   const whole = painting.end.results !== null;
   const place = (name) => api.file(here.id, "painting", name);
-  const best = whole ? place("painting.png") : painting.pictures.photograph && api.shown(here.id, painting.pictures.photograph);
+  const best = whole ? place(results.includes("canvas") ? "canvas.png" : "painting.png") : painting.pictures.photograph && api.shown(here.id, painting.pictures.photograph);
   const canvas = canvasView(wish, ["goal", "plan", "painting"]);
   canvas.goal(terms);
   canvas.picture("plan", replanned ? api.file(here.id, "live", `${replanned.prefix}plan.jpg`) : api.file(here.id, plan.number, "plan.jpg"), "The plan");
@@ -69,7 +69,7 @@ export function finishedStage(house, here, first) {
     results.includes("painters") ? whoPainted(place, api.get) : null,
     results.includes("arm") ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null);
   const panel = h("div", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, seed ${wish.seed}`), rest, h("h2", {}, "The goal"), goalList(terms),
-    whole ? [h("h2", {}, "Downloads"), h("ul", { class: "files" }, [...FILES, ...(results.includes("painters") ? OF_PAINTERS : [])].filter(([name]) => name !== "film.mp4" || results.includes("film")).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
+    whole ? [h("h2", {}, "Downloads"), h("ul", { class: "files" }, [...FILES, ...(results.includes("painters") ? OF_PAINTERS : [])].filter(([name]) => !["card.jpg", "film.mp4"].includes(name) || results.includes(name.split(".")[0])).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
       h("li", {}, h("a", { href: `/api/paintings/${here.id}/everything.zip`, download: "painting.zip" }, "Everything, with a page about the painting (ZIP)")))] : null,
     h("p", { class: "actions" },
       h("button", { type: "button", class: "button second", "data-for": "plan", onclick: again }, "Paint again"),
