@@ -8,6 +8,10 @@ PINS := pyproject.toml constraints.txt
 # HASHES=no also takes files that are not those of constraints.txt, such as builds of your own index.
 ADD := $(BIN)/python tools/install.py $(if $(filter no,$(HASHES)),--without-hashes)
 
+# A painting that uses all that later ones use. If it fails, people still get what is installed, and its error.
+FIRST := $(BIN)/frida-painter paint examples/photographs/coffee.jpg --brushes broad,medium,fine \
+	--strokes 12 --colors 3 --render-height 64 --effort 0.05 --replans 1
+
 PROGRAM ?= storm stop attack hostile_commands kills claims moved_canvas every franka so101
 
 .PHONY: pins paint studio test quick nightly stress views lint docs size benchmarks benchmarks-gpu install browser downloads clean reference
@@ -22,6 +26,8 @@ $(BIN)/python:
 $(VENV)/installed: $(PINS) | $(BIN)/python
 	@echo "Installing what painting needs, PyTorch and some 40 smaller packages: one to two minutes with pip, half a minute with uv."
 	@$(ADD) .
+	@echo "Painting a tiny picture, for which loops are compiled and brushes tabulated: half a minute, once."
+	-@folder=$$(mktemp -d) && { $(FIRST) --out $$folder/tiny >$$folder/said 2>&1 || cat $$folder/said; rm -r $$folder; }
 	@touch $@
 
 $(VENV)/web: $(VENV)/installed

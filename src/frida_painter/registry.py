@@ -125,14 +125,14 @@ class Later:
         return EntryPoint("", self.target, "").load()(*arguments, **named)
 
 
-@cache  # reading the metadata of all packages takes a tenth of a second; they change with the path
+@cache  # names are read from whole descriptions, so few are read; they change with the path
 def _points_of_others(path: tuple[str, ...]) -> tuple[tuple[str, EntryPoint], ...]:
     """Returns the entry points of other packages with the name of each package; damaged metadata is skipped."""
     found: list[tuple[str, EntryPoint]] = []
     for package in distributions(path=list(path)):
         with suppress(TypeError, ValueError, OSError):
-            if package.name != OURS:
-                found += [(package.name, point) for point in package.entry_points if point.group.startswith(_GROUPS)]
+            points = [point for point in package.entry_points if point.group.startswith(_GROUPS)]
+            found += [(package.name, point) for point in points if package.name != OURS]
     return tuple(found)
 
 

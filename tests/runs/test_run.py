@@ -103,25 +103,6 @@ def test_a_painting_begins_on_its_ground(photo: Path, ground: str) -> None:
     assert float(near.float().mean()) > 0.25, "three strokes leave much of it to be seen"
 
 
-def test_a_ground_that_is_chosen_by_quick_plans_is_told_at_every_step_and_can_be_ended(photo: Path) -> None:
-    told: list[str] = []
-    heeded: list[int] = []
-
-    def heed() -> None:
-        heeded.append(len(told))
-        if len(heeded) == 3:
-            raise Interrupted("Enough.")
-
-    with PaintingRun(RunSpec.of(goal=[{"image": str(photo)}], strokes=3, replans=1, ground="auto", **SMALL)) as run:
-        run.heed, run.tell = heed, told.append
-        with pytest.raises(Interrupted, match="Enough"):
-            assert run.planner
-        assert [one for one in told if "Choosing" in one] == ["Choosing the ground, by quick plans."]
-        assert len(heeded) == 3
-        run.heed = lambda: None
-        assert run.planner and run.spec.ground not in (None, "auto")
-
-
 def test_what_would_move_a_real_robot_is_not_simulated(photo: Path) -> None:
     spec = RunSpec.of(goal=[{"image": str(photo)}], strokes=6, robot="human", **SMALL)
     with PaintingRun(spec) as run, pytest.raises(ConfigError, match="'human'; use start"):

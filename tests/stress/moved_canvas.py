@@ -33,7 +33,7 @@ from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify
 from frida_painter.perception.registration import Verdict
-from frida_painter.planning.ground import possible_grounds
+from frida_painter.planning.ground import mean_color
 from frida_painter.planning.placement import Placement
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.settings import PlannerSettings
@@ -288,8 +288,9 @@ def _motions(random: np.random.Generator, count: int) -> list[tuple[str, Placeme
 
 
 def grounds_of(edge: str, seed: int) -> list[tuple[float, float, float]]:
-    """Those that the planner would choose among."""
-    return possible_grounds(picture_with(edge, np.random.default_rng((seed, EDGES.index(edge)))))
+    """Those that the planner would choose among, and black."""
+    picture = picture_with(edge, np.random.default_rng((seed, EDGES.index(edge))))
+    return [WHITE, mean_color(picture), (0.0, 0.0, 0.0)]
 
 
 @dataclass

@@ -180,17 +180,18 @@ class PaintSet:
 
 @dataclass(frozen=True, eq=False)
 class _Mixtures:
-    """Mixtures: their parts [m, n], colours sRGB [m, 3] and in OKLab [m, 3]."""
+    """Mixtures: their parts [m, n], colours sRGB [m, 3] and in OKLab [m, 3], and the price of each [m] (`_price`)."""
 
     parts: Tensor
     color: Tensor
     oklab: Tensor
+    price: Tensor
 
     def cheapest(self, cost: Tensor, count: int) -> Self:
         """Returns at most `count` mixtures of the least cost [m], the cheapest first."""
         order = cost.topk(min(count, len(cost)), largest=False).indices.sort().values
         order = order[cost[order].argsort(stable=True)]
-        return type(self)(self.parts[order], self.color[order], self.oklab[order])
+        return type(self)(*(part[order] for part in vars(self).values()))
 
     def __add__(self, other: Self) -> Self:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
@@ -248,7 +249,7 @@ class _Mixer:
         """Returns the cheapest mixtures for the Lab colour `aim` [3], near ones first, and whether there are any."""
         off, black = ciede2000(to_lab(mixtures.color), aim), self._has_black(mixtures.parts, aim)
         far = (off > NEAR) | black
-        return mixtures.cheapest(off + self._price(mixtures.parts) + _FAR * far, _SEEDS), not bool(far.all())
+        return mixtures.cheapest(off + mixtures.price + _FAR * far, _SEEDS), not bool(far.all())
 
     def _has_black(self, parts: Tensor, aim: Tensor) -> Tensor:
         """Returns True for mixtures [m, n] with black, if the Lab colour `aim` [3] is neither dark nor grey."""
@@ -270,7 +271,7 @@ class _Mixer:
 
         def cost(mixtures: _Mixtures) -> Tensor:
             apart = _PER_OKLAB * _apart(mixtures.oklab, target, weights)
-            return apart + self._price(mixtures.parts) + _PER_BLACK * self._has_black(mixtures.parts, aim)
+            return apart + mixtures.price + _PER_BLACK * self._has_black(mixtures.parts, aim)
 
         order = cost(self._rough).reshape(len(self._combinations), -1).amin(1).argsort(stable=True)
         best = [self._combinations[number] for number in order[:_CHOSEN].tolist()]
@@ -305,8 +306,7 @@ class _Mixer:
     def _price(self, parts: Tensor) -> Tensor:
         """Returns CIEDE2000 [m] that mixtures [m, n] must gain over simpler ones."""
         total = parts.sum(1)
-        traces = _PER_TRACE * (total > EASY_PARTS)
-        return _PER_PAINT * (parts > 0).sum(1) + _PER_DOUBLING * total.log2() + traces
+        return _PER_PAINT * (parts > 0).sum(1) + _PER_DOUBLING * total.log2() + _PER_TRACE * (total > EASY_PARTS)
 
     def _within_lightness(self, lab: Tensor) -> Tensor:
         """Returns the Lab colour [3] with its lightness in the range of mixed greys.
@@ -329,7 +329,7 @@ class _Mixer:
                 f"for {len(parts)} mixtures in {self._absorption.shape[1]} bands; mend it."
             )
         color = color_of(reflected)
-        return _Mixtures(parts, color, _to_oklab(color))
+        return _Mixtures(parts, color, _to_oklab(color), self._price(parts))
 
 
 @functools.cache

@@ -1,41 +1,30 @@
 """Choice of the ground: the colour in which a canvas is toned before it is painted."""
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import torch
 from torch import Tensor
+from torch.nn import functional
 
 from frida_painter.errors import ConfigError
-from frida_painter.objectives.image import ImageTerm
-from frida_painter.objectives.objective import Goal
-from frida_painter.planning.fields import EVERYWHERE
 from frida_painter.planning.mixable import make_mixable
-from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.strokes.palette import to_lab
 from frida_painter.strokes.plan import WHITE
 from frida_painter.system import images
 
-_ROWS = 64
-# Quick plans, measured on nine pictures with two seeds: they chose the same ground as whole plans, or one at most
-# 0.05 dB worse. The one exception was a logo on white (0.26 dB worse).
-_TRYING, _TRIAL_ROWS = 0.1, 96  # share of the planner's effort; rows of the picture
-_FEWEST = 8  # strokes of a quick plan
-_CLEARLY = 0.944  # share of the loss: 0.25 dB, by which quick plans on the same ground differ by chance
+_ROWS, _MARK = 64, 4  # rows and columns of the picture, and of a place that a stroke paints in one colour
+# Chosen on plans of 300 strokes for ten pictures (docs/lab/grounds.md): the share of the canvas that strokes leave
+# bare; the squared error that they leave on even areas; the squared error above which a bare place needs a stroke.
+_BARE, _LEFT, _NEAR = 0.02, 0.001, 0.01
+_CLEARLY = 0.944  # share of the error: 0.25 dB
 _OTHER = 25.0  # CIELAB distance above which two colours count as equally different
 
 
-def proposed_ground(
-    planner: Planner, strokes: int, colors: int, notify: Callable[[Step], None] = lambda step: None
-) -> tuple[float, float, float]:
-    """Returns the best ground for a plan with these numbers of strokes and paints, in sRGB.
+def proposed_ground(planner: Planner) -> tuple[float, float, float]:
+    """Returns the mean colour of the picture to paint, in sRGB, or white if the mean is not clearly better.
 
-    A quick plan is made on each of a few colours, with the first two brushes, in a seventh of the time. The colour
-    with the least expected loss is taken, or white if none is clearly better.
-    notify: called after every step.
-    Raises ConfigError if the goal has no picture to take colours from, or if the strokes are too few for the
-    layers.
+    The estimated error of a painting is what strokes leave of the picture's detail, and the ground in gaps between
+    them. Places in the colour of the ground need no strokes, which then leave fewer gaps elsewhere.
+    Raises ConfigError if the goal has no picture to take colours from.
     """
     term = next((term for term in planner.goal.initial_terms if term.guide is not None), None)
     if term is None or term.guide is None:
@@ -43,43 +32,29 @@ def proposed_ground(
             "--ground auto takes its colour from the picture to paint, and this goal has none; give a colour, such as "
             "#c8a878."
         )
-    planner.layer_sizes(strokes)  # raises before the trials start
-    rows = min(_TRIAL_ROWS, planner.settings.render_height)
-    settings = planner.settings.model_copy(update={"render_height": rows, "focus": EVERYWHERE})
-    few_models = planner.materials.models[:2]
-    materials = replace(planner.materials, models=few_models, layers=None, shares=None, ground=WHITE, paints=None)
-    # the term already has its importance map, and is already sharpened
-    goal = Goal((ImageTerm(term.guide, importance=term.importance, wanted=term.guide),))
-    effort = planner.effort.scale(_TRYING)
-    trial = Planner(goal, settings, materials, effort, encoders=planner.encoders, device=planner.device)
-    few = max(strokes // 2, min(strokes, _FEWEST))
+    wanted = _in_paint(term.guide, planner)
+    picture = functional.adaptive_avg_pool2d(wanted, _ROWS)
+    matters = torch.ones(_ROWS, _ROWS)
+    if term.importance is not None:
+        matters = functional.adaptive_avg_pool2d(term.importance[None], _ROWS)[0]
+    marks = functional.interpolate(functional.avg_pool2d(picture, _MARK)[None], scale_factor=_MARK)[0]
 
-    def expected_loss(ground: tuple[float, float, float]) -> float:
-        on_it = trial.on_ground(ground)
-        return on_it.expected_loss(on_it.plan(None, few, min(colors, few), notify), on_it.bare)
+    def error(painted: Tensor) -> Tensor:  # [_ROWS, _ROWS]
+        return (picture - painted).square().mean(0)
 
-    grounds = [_within_reach(ground, planner) for ground in possible_grounds(_in_paint(term.guide, planner))]
-    losses = {ground: expected_loss(ground) for ground in grounds}
-    best = min(losses, key=lambda ground: losses[ground])
-    return best if losses[best] < _CLEARLY * losses[WHITE] else WHITE
+    def expected_error(ground: tuple[float, float, float]) -> float:
+        bare = error(torch.tensor(ground)[:, None, None])
+        gaps = _BARE * (bare / _NEAR).clamp(max=1).mean() * bare
+        return float((matters * (error(marks) + gaps)).sum() / matters.sum()) + _LEFT
+
+    mean = _within_reach(mean_color(wanted), planner)
+    return mean if expected_error(mean) < _CLEARLY * expected_error(WHITE) else WHITE
 
 
-def possible_grounds(picture: Tensor) -> list[tuple[float, float, float]]:
-    """Returns candidate grounds for a painting of this picture, in sRGB rounded to 8 bits.
-
-    The candidates are white, the mean of the picture and the mean of its darker half. The mean leaves the least
-    squared error between strokes. The darker mean suits because strokes are painted from light to dark, and dark
-    strokes leave gaps.
-    picture [3, H, W]: sRGB in [0, 1].
-    """
-    color = images.fit(picture, _ROWS, _ROWS).flatten(1)  # [3, pixels]
-    lightness = color.mean(0)
-    found = [WHITE]
-    for share in (1.0, 0.5):
-        dark = color[:, lightness <= torch.quantile(lightness, share)]
-        red, green, blue = (dark.mean(1) * 255).round().div(255).tolist()
-        found.append((red, green, blue))
-    return found
+def mean_color(picture: Tensor) -> tuple[float, float, float]:
+    """Returns the mean of a picture [3, H, W], in sRGB rounded to 8 bits."""
+    red, green, blue = (picture.mean((1, 2)) * 255).round().div(255).tolist()
+    return red, green, blue
 
 
 def _in_paint(picture: Tensor, planner: Planner) -> Tensor:
@@ -104,8 +79,7 @@ def ground_around_things(planner: Planner) -> tuple[float, float, float]:
         around = around[matters <= matters.median().clamp(max=1)]
     lab = to_lab(around)
     apart = torch.cdist(lab, lab).clamp(max=_OTHER).mean(1)
-    red, green, blue = (around[apart.argmin()] * 255).round().div(255).tolist()
-    return _within_reach((red, green, blue), planner)
+    return _within_reach(mean_color(around[apart.argmin()][:, None, None]), planner)
 
 
 def _within_reach(ground: tuple[float, float, float], planner: Planner) -> tuple[float, float, float]:
@@ -114,7 +88,4 @@ def _within_reach(ground: tuple[float, float, float], planner: Planner) -> tuple
     if paints is None or ground == WHITE:
         return ground
     mixed = make_mixable(torch.tensor([ground]), torch.ones(1), paints, apart=0.0)
-    if not mixed.changes:
-        return ground
-    red, green, blue = (mixed.color[0] * 255).round().div(255).tolist()
-    return red, green, blue
+    return mean_color(mixed.color[0][:, None, None]) if mixed.changes else ground

@@ -4,10 +4,10 @@ A planner chooses colours from the picture. A colour out of reach becomes the on
 with one recipe, or with mixtures that are hardly told apart, become one.
 """
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -103,14 +103,11 @@ def _twins(found: Sequence[tuple[Tensor, Recipe]], changed: Sequence[bool], apar
     """Returns the two nearest colours that need to become one, the lower number first; None if all may stay."""
     wells = to_lab(torch.stack([color for color, _ in found]))
     mixtures = to_lab(torch.stack([recipe.color for _, recipe in found]))
-    gap, seen = (ciede2000(lab[:, None], lab[None]) for lab in (wells, mixtures))
-    pairs = [
-        (float(seen[one, other]), one, other)
-        for one, other in itertools.combinations(range(len(found)), 2)
-        if found[one][1].words == found[other][1].words
-        or not float(seen[one, other]) >= MIN_APART
-        or ((changed[one] or changed[other]) and not float(gap[one, other]) >= apart)
-    ]
+    gap, seen = (ciede2000(lab[:, None], lab[None]).cpu() for lab in (wells, mixtures))
+    words, moved = np.array([recipe.words for _, recipe in found]), torch.tensor(changed)
+    alike = torch.from_numpy(words[:, None] == words) | ~(seen >= MIN_APART)
+    near = alike | ((moved[:, None] | moved) & ~(gap >= apart))
+    pairs = [(float(seen[one, other]), one, other) for one, other in near.triu(1).nonzero().tolist()]
     return min(pairs)[1:] if pairs else None
 
 

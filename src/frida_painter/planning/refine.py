@@ -101,7 +101,8 @@ def loss_of_paint(
     picture = composite(magnitude, affine, strokes.color, problem.canvas, bare_cells_answer=False)
 
     def along(direction: Tensor) -> Tensor:  # -direction . D_i for every stroke
-        (slope,) = torch.autograd.grad(picture, magnitude, direction, retain_graph=True)
+        # Of a number: PyTorch imports its compiler if it is given a direction, which takes half a second.
+        (slope,) = torch.autograd.grad((picture * direction).sum(), magnitude, retain_graph=True)
         return -(slope * magnitude).sum((1, 2)).detach()
 
     matters = torch.ones_like(target[0]) if problem.wishes.importance is None else problem.wishes.importance
@@ -114,7 +115,7 @@ def visible_area(strokes: Strokes, problem: PlanningProblem) -> Tensor:
     """Returns the visible area of each stroke in pixels [n]: the sum of its share of every pixel."""
     color = strokes.color.detach().clone().requires_grad_()
     picture = problem.render(strokes.with_groups(color=color))
-    (share,) = torch.autograd.grad(picture, color, torch.ones_like(picture))
+    (share,) = torch.autograd.grad(picture.sum(), color)
     return share[:, 0]
 
 

@@ -119,6 +119,7 @@ class SettingSection(BaseModel):
     """Some settings of a painting, with a panel of their own in the help."""
 
     model_config = ConfigDict(
+        defer_build=True,
         extra="forbid",
         frozen=True,
         strict=True,

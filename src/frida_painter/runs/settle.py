@@ -23,7 +23,6 @@ from frida_painter.objectives.objective import Goal, Term
 from frida_painter.planning.fields import AUTO, OF_SCENE, family_shares
 from frida_painter.planning.ground import ground_around_things, proposed_ground
 from frida_painter.planning.materials import Materials
-from frida_painter.planning.optimize import Step
 from frida_painter.planning.planner import Planner
 from frida_painter.report.recorder import Description, Recorder
 from frida_painter.runs.goal_item import making_facts
@@ -112,7 +111,7 @@ def open_networks(
 ) -> EncoderRegistry:
     """Returns the networks that judge the goal of a description; each is loaded when it is needed.
 
-    tell: receives a sentence about each wait, also for a choice of the ground.
+    tell: receives a sentence about each wait.
     heed: called often in waits; may raise to end them.
     """
     return EncoderRegistry(clip=spec.clip, device=planning_device(), pictures=spec.pictures, tell=tell, heed=heed)
@@ -225,25 +224,17 @@ def name_families(spec: RunSpec) -> RunSpec:
 def settle(
     made: Fitted, encoders: EncoderRegistry | None = None, brushes: AnyBrush | Sequence[AnyBrush] | None = None
 ) -> tuple[RunSpec, Planner, str]:
-    """Chooses an open ground by quick plans; returns the description with brushes and ground, and its planner.
+    """Chooses an open ground; returns the description with brushes and ground, and its planner.
 
     Also returns a sentence for the person about the choice, "" if nothing was chosen.
     made: description and goal, fitted to each other.
-    encoders, brushes: as for `open_planner`; a wait is told and heeded as in those of networks.
+    encoders, brushes: as for `open_planner`.
     Raises like `open_planner`, and ConfigError if the ground is "auto" and the goal has no picture.
     """
     spec = name_families(made.spec)
     planner = open_planner(spec, made.goal, encoders, brushes)
-    told: list[str] = []
-
-    def choosing(step: Step) -> None:
-        planner.encoders.heed()
-        if not told:
-            told.append("Choosing the ground, by quick plans.")
-            planner.encoders.tell(told[0])
-
     if spec.wanted_ground == AUTO:
-        color = proposed_ground(planner, spec.strokes, spec.colors, choosing)
+        color = proposed_ground(planner)
         said = "The ground that suits this picture best: {}."
     elif spec.wanted_ground == OF_SCENE:
         color = ground_around_things(planner)
