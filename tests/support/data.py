@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 from PIL import Image
 
-_TARGETS = Path(__file__).parents[2] / "src/frida_painter_lab/targets"
+TARGETS = Path(__file__).parents[2] / "src/frida_painter_lab/targets"
 
 
 def coffee() -> NDArray[np.uint8]:
@@ -24,4 +24,4 @@ def grey(name: str) -> torch.Tensor:
 
 
 def _load(name: str) -> NDArray[np.uint8]:
-    return np.array(Image.open(_TARGETS / f"{name}.jpg"))
+    return np.array(Image.open(TARGETS / f"{name}.jpg"))

@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import ClassVar, Self
 
+import torch
 from torch import Tensor
 from torch.nn.functional import mse_loss
 
@@ -186,11 +187,27 @@ def rise(importance: Tensor, times: float) -> Tensor:
 
 # Painting softens a picture: marks have soft edges and land beside their intended place, and the planner averages
 # colours if it is uncertain. So photographs are sharpened first by unsharp masking, as printers do.
+#
+# In a picture that is dark as a whole, eyes see small differences from dark surroundings. There the contrast that is
+# planned rises as that of Weber does, difference over surroundings, so that strokes go there and are not averaged away.
 _SPREAD = 0.0037  # standard deviation of the blur, in metres on the canvas
 _SHARPNESS = 0.3  # increase of each pixel's difference from its surroundings
+_NIGHT, _DAY = 0.22, 0.35  # median sRGB of a picture that is wholly dark, and from which it is not dark
+_IN_THE_DARK, _DARK = (
+    0.9,
+    0.35,
+)  # further increase in black surroundings of the night, and sRGB from which there is none
+_SURROUNDINGS = 0.006  # standard deviation of the blur that finds surroundings, in metres
 
 
 def fit_and_sharpen(picture: Tensor, grid: PixelGrid) -> Tensor:
-    """Returns a picture [3, h, w], fitted to the grid [3, H, W] and sharpened for planning."""
-    fitted = images.fit(picture, grid.rows, grid.columns)
-    return (fitted + _SHARPNESS * (fitted - images.gaussian_blur(fitted, _SPREAD / grid.pitch[1]))).clamp(0, 1)
+    """Returns a picture [3, h, w], fitted to the grid [3, H, W] and sharpened for planning, more in the dark of night.
+
+    Pictures whose median is 0.35 or more in sRGB are sharpened everywhere alike.
+    """
+    fitted, sharpness = images.fit(picture, grid.rows, grid.columns), torch.tensor(_SHARPNESS)
+    light = fitted.mean(0, keepdim=True)
+    if (night := ((_DAY - light.median()) / (_DAY - _NIGHT)).clamp(max=1)) > 0:
+        around = images.gaussian_blur(light, _SURROUNDINGS / grid.pitch[1])
+        sharpness = _SHARPNESS + _IN_THE_DARK * night * (1 - around / _DARK).clamp(min=0)
+    return (fitted + sharpness * (fitted - images.gaussian_blur(fitted, _SPREAD / grid.pitch[1]))).clamp(0, 1)

@@ -11,12 +11,13 @@ import torch
 from torch import Tensor
 
 from frida_painter import registry
-from frida_painter.brush.kinds import StrokeModel, kind_of
+from frida_painter.brush.kinds import StrokeModel, kind_of, mark_width
 from frida_painter.brush.weights import weights_of
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, FridaError, PluginError
 from frida_painter.frames import PixelGrid
 from frida_painter.objectives.attention import weight_by_focus
+from frida_painter.objectives.drawing import draws, with_bold_lines
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.interpretation import interpret_goal, prepare
 from frida_painter.objectives.objective import Goal
@@ -52,6 +53,11 @@ from frida_painter.system.provenance import describe_here, hash_code, identify
 
 _NO_MOVES = Moves()
 _POLISHING_PACE = 0.5
+_FINE, _LINE = 0.0105, 0.3  # metres, widest mark of a brush that draws; least width of a drawn line, as a share of it
+_DRAWN = (
+    "The picture is a drawing, so its lines are painted with the fine brush; --brushes broad,medium,fine changes that."
+)
+_NOT_DRAWN = "The picture is a drawing; --brushes fine paints its lines in full colour."
 _ROUNDS_WHERE_A_LAYER_BEGINS = 3  # at least, unless the effort has fewer
 
 
@@ -99,6 +105,13 @@ class Planner:
         self.encoders: Final = encoders or EncoderRegistry()
         self.device: Final = device or torch.device("cpu")
         seen = weight_by_focus(goal, FACES in settings.focus, focus_places(settings.focus), self.encoders)
+        widest = max(map(mark_width, self.models.values()))
+        is_drawing = draws(goal)
+        self.draws: Final = is_drawing and widest <= _FINE
+        if self.draws:
+            seen = with_bold_lines(seen, _LINE * widest / min(self.size.width, self.size.height))
+        if is_drawing and (self.draws or settings.brushes is None):
+            self.encoders.remark(_DRAWN if self.draws else _NOT_DRAWN)
         self.goal: Final = interpret_goal(seen, self.fine, self.encoders, settings.seed)
         near, begins = self.goal.to(self.device), self.goal.initial_terms is not self.goal.terms
         prepared = partial(prepare, encoders=self.encoders, seed=settings.seed, shared={})

@@ -202,8 +202,8 @@ class PlanSettings(SettingSection):
     brushes: Brushes = setting(
         None,
         value="NAME,...",
-        usual="in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and "
-        "broad:50%,medium:50% from 100 on; for words alone, from 100 on, broad:50%,fine:50%; otherwise broad",
+        usual="in the studio, for a picture, broad:30%,medium:35%,fine:35% from 200 strokes on and broad:50%,medium:50%"
+        " from 100 on; for a drawing, fine; for words alone, from 100 on, broad:50%,fine:50%; otherwise broad",
         adds=(registry.STROKE_MODELS,),
         common=True,
         form=Control("Brush", widget="brushes"),

@@ -18,6 +18,7 @@ from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
 from frida_painter.mixing.paint import usual_paints
 from frida_painter.mixing.recipe import PaintSet
+from frida_painter.objectives.drawing import draws
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.objectives.objective import Goal, Term
 from frida_painter.planning.fields import AUTO, OF_SCENE, family_shares
@@ -232,11 +233,14 @@ def settle(
     Raises like `open_planner`, and ConfigError if the ground is "auto" and the goal has no picture.
     """
     spec = name_families(made.spec)
+    chosen = brushes is not None or spec.brushes is not None or spec.layers is not None
+    if not chosen and spec.simulated and not spec.together and draws(made.goal):
+        spec = spec.model_copy(update={"brushes": "fine"})
     planner = open_planner(spec, made.goal, encoders, brushes)
-    if spec.wanted_ground == AUTO:
+    if spec.wanted_ground == AUTO and not planner.draws:
         color = proposed_ground(planner)
         said = "The ground that suits this picture best: {}."
-    elif spec.wanted_ground == OF_SCENE:
+    elif spec.wanted_ground in (AUTO, OF_SCENE):
         color = ground_around_things(planner)
         said = "" if color == WHITE else "The canvas is toned in the commonest colour around what is shown: {}."
     else:
