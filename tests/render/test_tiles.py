@@ -125,8 +125,8 @@ from triton.backends.compiler import GPUTarget
 from triton.compiler import ASTSource
 from frida_painter.render import tile_kernels
 
-whole = {"boxes": "*i32", "to_maps": "*i64", "to_strokes": "*i64"}
-counts = "strokes height width rows columns segment segments".split()
+whole = {"boxes": "*i32", "counts": "*i32", "lists": "*i32", "to_maps": "*i64", "to_strokes": "*i64"}
+counts = "strokes bin_side bins_across height width rows columns segment segments".split()
 for kernel, choice in ((tile_kernels.lay, "KEEP"), (tile_kernels.pull, "BARE_ANSWERS")):
     kinds = {name: "*fp32" for name in kernel.arg_names}
     kinds |= {name: whole[name] if name in whole else "i32" for name in kinds if name in whole or name in counts}
@@ -142,3 +142,22 @@ def test_the_kernels_compile_for_gpus_of_three_generations(tmp_path) -> None:
     environment = {name: text for name, text in os.environ.items() if name != "TRITON_INTERPRET"}
     environment["TRITON_CACHE_DIR"] = str(tmp_path)
     subprocess.run([sys.executable, "-c", COMPILED], env=environment, check=True, timeout=300)
+
+
+@pytest.mark.parametrize("most", [1, 2, 32])
+def test_bins_of_any_size_list_every_stroke_that_meets_them_in_painting_order(most: int, monkeypatch) -> None:
+    monkeypatch.setattr(tiles, "_BINS", most)
+    boxes, canvas = (
+        torch.tensor([[0, 9, 0, 9], [0, 0, 0, 0], [10, 50, 30, 33], [15, 17, 15, 40]]),
+        torch.zeros(4, 50, 40),
+    )
+    counts, lists, side, across = tiles._bins(boxes, canvas)
+    assert side % tiles.TILE == 0 and across == -(-40 // side) <= most
+    for bin_number, (count, mine) in enumerate(zip(counts.tolist(), lists.tolist(), strict=True)):
+        top, left = bin_number // across * side, bin_number % across * side
+        painted = [
+            i
+            for i, (a, b, c, d) in enumerate(boxes.tolist())
+            if b > a and a < top + side and b > top and c < left + side and d > left
+        ]
+        assert mine[:count] == painted

@@ -20,6 +20,13 @@ def _touches(boxes, stroke, top, left, ROWS: tl.constexpr, COLUMNS: tl.constexpr
 
 
 @triton.jit
+def _strokes_of(top, left, counts, lists, strokes, bin_side, bins_across):
+    """Returns the list of the strokes whose boxes meet the bin of a tile, in painting order, and their number."""
+    place = (top // bin_side) * bins_across + left // bin_side
+    return lists + place * strokes, tl.load(counts + place)
+
+
+@triton.jit
 def _cells(maps, affine, stroke, x, y, inside, rows, columns):
     """Returns the place of pixels on the stroke's map.
 
@@ -92,14 +99,15 @@ def _load(planes, at, plane, inside):
 
 @triton.jit
 def lay(
-    maps, affine, color, boxes, numbers, canvas, moments, kept,
-    strokes, height, width, rows, columns, segment,
+    maps, affine, color, boxes, counts, lists, numbers, canvas, moments, kept,
+    strokes, bin_side, bins_across, height, width, rows, columns, segment,
     KEEP: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
 ):  # fmt: skip
     """Computes mean and variance [4, H, W] after all strokes from those of the canvas [4, H, W].
 
-    KEEP: True to write the moments below each stroke whose number is divisible by `segment` to kept [segments,
-    4, H, W]
+    counts [bins], lists [bins, n]: strokes that meet each bin of the canvas (`tiles._bins`)
+    KEEP: True to write the moments below each stroke whose number in its list is divisible by `segment` to kept
+    [segments, 4, H, W]
     """
     top, left = tl.program_id(1) * ROWS, tl.program_id(0) * COLUMNS
     y, x = top + tl.arange(0, ROWS)[:, None], left + tl.arange(0, COLUMNS)[None, :]
@@ -109,11 +117,13 @@ def lay(
     at = y * width + x
     share, full = tl.load(numbers), tl.load(numbers + 1)
     red, green, blue, variance = _load(canvas, at, plane, inside)
-    for stroke in range(strokes):
+    mine, found = _strokes_of(top, left, counts, lists, strokes, bin_side, bins_across)
+    for index in range(found):
         if KEEP:  # noqa: SIM102 - nested, so that Triton can leave it out
-            if stroke % segment == 0:
-                begun = kept + (stroke // segment) * leap
+            if index % segment == 0:
+                begun = kept + (index // segment) * leap
                 _store(begun, at, plane, inside, red, green, blue, variance)
+        stroke = tl.load(mine + index)
         if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
             _, right, below, v_0, v_1, v_2, v_3, _, _, _, _ = _cells(maps, affine, stroke, x, y, inside, rows, columns)
             cover = _cover(right, below, v_0, v_1, v_2, v_3)
@@ -158,13 +168,13 @@ def _add(sums, index, values, scale):
 
 @triton.jit
 def pull(
-    maps, affine, color, boxes, numbers, kept, states, gradients, scale, to_maps, to_strokes, to_canvas,
-    strokes, height, width, rows, columns, segment, segments,
+    maps, affine, color, boxes, counts, lists, numbers, kept, states, gradients, scale, to_maps, to_strokes, to_canvas,
+    strokes, bin_side, bins_across, height, width, rows, columns, segment, segments,
     BARE_ANSWERS: tl.constexpr, ROWS: tl.constexpr, COLUMNS: tl.constexpr,
 ):  # fmt: skip
     """Computes the gradients of all inputs of `lay` from gradients [4, H, W] of the moments.
 
-    kept: output of `lay`
+    counts, lists, kept: as in `lay`
     states [segment, 4, H, W]: memory for the moments below the strokes of one segment
     scale [1]: factor from gradients to integers
     to_maps [n, rows, columns]: int64, zeros at first
@@ -180,13 +190,14 @@ def pull(
     at = y * width + x
     share, full, unit = tl.load(numbers), tl.load(numbers + 1), tl.load(scale)
     to_red, to_green, to_blue, to_variance = _load(gradients, at, plane, inside)
+    mine, found = _strokes_of(top, left, counts, lists, strokes, bin_side, bins_across)
     for back in range(segments):
         number = segments - 1 - back
         first = number * segment
-        count = tl.minimum(segment, strokes - first)
+        count = tl.minimum(segment, found - first)  # not above 0 if the list ends before
         red, green, blue, variance = _load(kept + number * leap, at, plane, inside)
         for index in range(count):  # computes the moments below each stroke again
-            stroke = first + index
+            stroke = tl.load(mine + first + index)
             if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
                 state = states + index * leap
                 _store(state, at, plane, inside, red, green, blue, variance)
@@ -198,7 +209,7 @@ def pull(
                 red, green, blue, variance = _lay(red, green, blue, variance, paint, cover, share, full)
         tl.debug_barrier()  # threads of the program read what other threads wrote
         for index in range(count):
-            stroke = first + count - 1 - index
+            stroke = tl.load(mine + first + count - 1 - index)
             if _touches(boxes, stroke, top, left, ROWS, COLUMNS):
                 state = states + (count - 1 - index) * leap
                 red, green, blue, variance = _load(state, at, plane, inside)

@@ -18,6 +18,7 @@ from frida_painter.render import tile_kernels
 
 TILE = 16
 """Rows and columns of a tile, in pixels."""
+_BINS = 32  # the lists of a canvas then take little memory
 _MARGIN = 2.0**61  # limit for integer sums of gradients
 
 
@@ -85,14 +86,15 @@ class _Tiles(torch.autograd.Function):
         _, height, width = canvas.shape
         gradients = torch.cat((of_mean, of_variance[None])).contiguous()
         scale = _scale(magnitude, affine, color, canvas, gradients)
+        counts, lists, side, across = _bins(boxes, canvas)
         to_maps = torch.zeros_like(magnitude, dtype=torch.int64)
         to_strokes = torch.zeros(n, 9, dtype=torch.int64, device=canvas.device)
         to_canvas = torch.empty_like(canvas)
         states = canvas.new_empty(_segment(n), 4, height, width)
         tile_kernels.pull[_grid(canvas)](
-            magnitude, affine, color, boxes, _numbers(ctx.spread, canvas), kept, states, gradients, scale,
-            to_maps, to_strokes, to_canvas,
-            n, height, width, rows, columns, _segment(n), len(kept),
+            magnitude, affine, color, boxes, counts, lists, _numbers(ctx.spread, canvas), kept, states, gradients,
+            scale, to_maps, to_strokes, to_canvas,
+            n, side, across, height, width, rows, columns, _segment(n), len(kept),
             BARE_ANSWERS=ctx.bare, ROWS=TILE, COLUMNS=TILE,
         )  # fmt: skip
         summed = to_strokes.to(canvas.dtype) / scale
@@ -114,9 +116,11 @@ def _lay(
     n, rows, columns = magnitude.shape
     _, height, width = canvas.shape
     moments = canvas.new_empty(4, height, width)
+    counts, lists, side, across = _bins(boxes, canvas)
     tile_kernels.lay[_grid(canvas)](
-        magnitude, affine, color, boxes, _numbers(spread, canvas), canvas, moments, moments if kept is None else kept,
-        n, height, width, rows, columns, _segment(n),
+        magnitude, affine, color, boxes, counts, lists, _numbers(spread, canvas), canvas, moments,
+        moments if kept is None else kept,
+        n, side, across, height, width, rows, columns, _segment(n),
         KEEP=kept is not None, ROWS=TILE, COLUMNS=TILE,
     )  # fmt: skip
     # The reference paints every pixel, so one value that is not finite makes the whole picture NaN.
@@ -129,6 +133,26 @@ def _boxes(magnitude: Tensor, affine: Tensor, canvas: Tensor, *, bare: bool) -> 
     """Returns the box of pixels whose samples can touch each stroke's painted cells, or all cells: int32 [n, 4]."""
     cells = _whole_maps(magnitude) if bare else _painted_boxes(magnitude)
     return _pixel_extents(affine, cells, canvas).int()
+
+
+def _bins(boxes: Tensor, canvas: Tensor) -> tuple[Tensor, Tensor, int, int]:
+    """Returns the strokes that meet each bin, a square of whole tiles; there are at most _BINS x _BINS bins.
+
+    boxes [n, 4]: from `_boxes`
+    Returns the numbers of strokes [bins], lists [bins, n] that begin with them in painting order, the side of a bin in
+    pixels, and the number of bins across.
+    """
+    across, down = _grid(canvas)
+    tiles = -(-max(across, down) // _BINS)
+    across, down, side = -(-across // tiles), -(-down // tiles), tiles * TILE
+    top, bottom, left, right = boxes.unbind(1)
+
+    def meets(first: Tensor, past: Tensor, bins: int) -> Tensor:
+        start = side * torch.arange(bins, device=boxes.device)[:, None]
+        return (first < start + side) & (past > start)  # [bins, n]
+
+    met = (meets(top, bottom, down)[:, None] & meets(left, right, across)).flatten(0, 1)
+    return met.sum(1).int(), torch.argsort(~met, dim=1, stable=True).int(), side, across
 
 
 def _scale(magnitude: Tensor, affine: Tensor, color: Tensor, canvas: Tensor, gradients: Tensor) -> Tensor:
