@@ -44,7 +44,7 @@ def is_drawing(picture: Tensor) -> bool:
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     bare = cv2.morphologyEx(pixels, cv2.MORPH_CLOSE, disc, borderType=cv2.BORDER_REPLICATE)
     bare = cv2.blur(bare, (2 * reach + 1, 2 * reach + 1), borderType=cv2.BORDER_REPLICATE)
-    light = _even_light(bare)
+    light = _even_light(np.asarray(bare, np.float32))
     ground = np.abs(light - bare).max(2) < _EVEN
     edges = np.concatenate((ground[:reach], ground[-reach:], ground[:, :reach].T, ground[:, -reach:].T), axis=None)
     shade = (1 - pixels / np.maximum(bare, 0.05)).max(2)

@@ -1,6 +1,6 @@
 """Palettes that a person can mix: each colour within reach of the person's paints, and no two of one recipe.
 
-A planner chooses colours from the picture. A colour out of reach becomes the one that its recipe gives. Two colours
+A planner chooses colours from the picture. A colour out of reach moves towards what its recipe gives. Two colours
 with one recipe, or with mixtures that are hardly told apart, become one.
 """
 
@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from frida_painter.mixing.recipe import PaintSet, Recipe
+from frida_painter.mixing.recipe import REACHED, PaintSet, Recipe
 from frida_painter.strokes.palette import ciede2000, to_hex, to_lab
 from frida_painter.strokes.plan import Plan
 
@@ -19,7 +19,10 @@ MIN_APART = 1.0
 """CIEDE2000 below which two mixtures are not told apart; a person sees differences of about 1 and more."""
 MIXED_PAINTS = "Paints changed so that they can be mixed"
 """Beginning of the name of a fact about a plan: colours before, with CIEDE2000, and after."""
-_MAX_MOVES = 4  # recipes are rough, so the recipe of a mixture's colour may give another colour
+# CIEDE2000 from its mixture at which a colour out of reach may stay: less and less, because recipes are rough, and the
+# recipe of the new colour may give another mixture.
+_AWAY = (REACHED - 0.1, REACHED / 2, 0.0, 0.0)
+_STEPS = 64  # on the way from a mixture to a colour out of reach
 
 
 @dataclass(frozen=True)
@@ -90,11 +93,17 @@ def _changed(color: Tensor, groups: Sequence[list[int]], found: Sequence[tuple[T
 
 
 def _reach(color: Tensor, recipe: Recipe, paints: PaintSet) -> tuple[Tensor, Recipe]:
-    """Returns the colour, or the one that its recipe gives if it is out of reach, with its recipe."""
-    for _ in range(_MAX_MOVES):
+    """Returns the colour, or the nearest one on the way to what its recipe gives that is within reach; with its recipe.
+
+    So two colours on both sides of the limit stay neighbours: one sky does not become two blues.
+    """
+    for away in _AWAY:
         if recipe.within_reach:
             break
-        color = recipe.color.to(color).clamp(0, 1)
+        mixed = recipe.color.to(color).clamp(0, 1)
+        way = torch.lerp(mixed, color, torch.linspace(0, 1, _STEPS).to(color)[:, None])  # [_STEPS, 3]
+        off = ciede2000(to_lab(way), to_lab(mixed)[None])
+        color = way[int((off <= away).nonzero().max())]
         (recipe,) = paints.mix(color[None])
     return color, recipe
 

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -149,6 +148,8 @@ def resize_by_area(image: Tensor, rows: int, columns: int) -> Tensor:
     This keeps detail that `fit` softens; use it to compare pictures of different sizes. A larger size is
     interpolated. Not differentiable.
     """
+    import cv2  # loaded here because few callers need it
+
     middle = _middle(image, rows, columns)
     if middle.shape[1] < rows or middle.shape[2] < columns:
         return fit(middle, rows, columns)
@@ -237,6 +238,8 @@ def to_srgb(linear: Tensor) -> Tensor:
 
 def light_of_bytes(photograph: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Converts a photograph in sRGB bytes to linear light in [0, 1], any shape."""
+    import cv2
+
     tones: NDArray[np.float32] = to_linear(torch.linspace(0, 1, 256)).numpy()
     light = cv2.LUT(photograph.reshape(-1), tones) if photograph.size else tones[photograph]
     return np.asarray(light, np.float32).reshape(photograph.shape)

@@ -28,7 +28,7 @@ _WEAVE, _FILM = np.float32(0.022), np.float32(0.11)  # height of the threads and
 _LIGHT, _LIGHT_BOUND = np.float32(1.3), np.float32(0.3)  # brightness per slope, and its bound
 _BLEND = 0.5  # cells over which colour is brought to that of the simulation
 _EMPTY = 1e-9
-_LEAST = 1e-3  # share of paint below which a bristle has no colour of its own
+_MIN_PAINT = 1e-3  # share of paint below which a bristle has no colour of its own
 
 
 class Bristles(NamedTuple):
@@ -72,7 +72,7 @@ class FineCanvas:
     def lay(self, feet: NDArray[np.float32], travelled: NDArray[np.float64], tuft: Tuft, before: Bristles) -> None:
         """Draws the contacts of a tuft (see Tuft.feet), which had the paint `before` before them."""
         after = Bristles.of(tuft)
-        color = np.where(after.full[:, None] > _LEAST, after.color, before.color)
+        color = np.where(after.full[:, None] > _MIN_PAINT, after.color, before.color)
         since = _last_visible(feet, travelled, _TRACK)
         _lay(
             feet, since, np.stack((before.full, after.full)), np.stack((before.color, color)),
