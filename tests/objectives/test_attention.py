@@ -12,7 +12,7 @@ from frida_painter.objectives.attention import (
 )
 from frida_painter.objectives.faces import Face
 from frida_painter.objectives.image import ImageTerm, spread
-from frida_painter.objectives.objective import Goal
+from frida_painter.objectives.objective import Goal, Term
 from frida_painter.objectives.semantic import SemanticTerm
 from frida_painter.objectives.style import StyleTerm
 from support.networks import NoEncoderRegistry, QuickEncoders, QuickHed
@@ -100,6 +100,30 @@ def test_eyes_matter_most_of_a_face() -> None:
     matters = importance_of([face], 100, 100)
     eye, nose, mouth, cheek = (float(matters[at]) for at in ((40, 40), (50, 50), (60, 60), (50, 38)))
     assert eye > mouth > nose > cheek > 5 * float(matters[5, 5])
+
+
+def test_faces_share_a_budget_so_that_small_ones_count_more() -> None:
+    def of(*sides: float) -> torch.Tensor:
+        faces = [Face(0.3, 0.2 + 0.5 * number, side, side) for number, side in enumerate(sides)]
+        matters = importance_of(faces, 200, 200, by_size=True)
+        return matters / matters.min()
+
+    small, large, two = of(0.05), of(0.3), of(0.3, 0.3)
+    assert float(small.max()) == pytest.approx(61), "no face counts more than that"
+    for matters, share in ((large, 1), (two, 0.5)):
+        added = (matters - 1)[:, :100].sum() / 200**2
+        assert float(added) == pytest.approx(0.5 * share, rel=1e-2)
+    assert float(two.max()) - 1 == pytest.approx((float(large.max()) - 1) / 2, rel=1e-3)
+
+
+def test_only_photographs_give_their_faces_a_budget() -> None:
+    def most(*more: Term) -> float:
+        goal = weight_by_focus(Goal((ImageTerm(picture()), *more)), False, [(0.5, 0.5, 0.3)], NoEncoderRegistry())
+        matters = goal.terms[0].importance
+        assert matters is not None
+        return float(matters.max() / matters.min())
+
+    assert most() < 5 and most(StyleTerm(picture())) == pytest.approx(7)
 
 
 SHARE = st.floats(0, 1)

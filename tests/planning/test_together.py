@@ -30,7 +30,6 @@ from frida_painter.planning.optimize import (
 )
 from frida_painter.planning.planner import Planner
 from frida_painter.planning.problem import ObjectiveForms, PlanningProblem, Region, StrokeWishes
-from frida_painter.planning.settings import PlannerSettings
 from frida_painter.planning.variables import Paints
 from frida_painter.strokes.strokes import Strokes
 from frida_painter_calibration.teaching.bezier import BezierStroke
@@ -311,19 +310,3 @@ def test_steps_tell_the_loss_of_what_was_looked_at() -> None:
     for step, seen in zip(steps, [on, *turns[1:], turns[0], *turns[1:3]], strict=True):
         ((_, shown),) = step.parts
         assert judged(shown, seen) == pytest.approx(step.loss, rel=1e-4)
-
-
-@pytest.mark.parametrize(("radius", "least", "most"), [(0.05, 100, 131), (0.2, 12, 40), (0.45, 6.9, 7.1)])
-def test_the_finest_strokes_seek_what_matters_and_leave_some_for_the_rest(
-    radius: float, least: float, most: float
-) -> None:
-    wanted = {"render_height": 64, "paints": "any", "focus": f"0.5,0.5,{radius}"}
-    planner = Planner(goal(), PlannerSettings.of(canvas="28x21cm", brushes="medium,fine", **wanted))
-    scenes = {kind: planner.problems.of(planner.bare, planner.fine, kind) for kind in ("medium", "fine")}
-    assert planner.problems.for_places(scenes["medium"], "medium") == (scenes["medium"], False)
-    sought, draws = planner.problems.for_places(scenes["fine"], "fine")
-    before, after = scenes["fine"].wishes.importance, sought.wishes.importance
-    assert draws and before is not None and after is not None
-    assert float(after.mean()) == pytest.approx(1, abs=1e-4)
-    assert least < float(after.max() / after.min()) < most
-    assert bool((after / after.min() >= 0.999 * before / before.min()).all())

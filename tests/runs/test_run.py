@@ -83,7 +83,7 @@ def test_a_simulated_painting_is_the_same_and_leaves_no_file(
     with stopping_after_three(photo, heard) as run:
         painting = run.simulate()
     assert painting.painted == 3 and [it.done for it in heard if isinstance(it, StrokePainted)] == [1, 2, 3]
-    with Image.open(stopped.parent / "painting.png") as painted:
+    with Image.open(stopped.parent / "canvas.png") as painted:
         assert np.array_equal(np.asarray(painted), images.to_uint8(painting.photograph))
     assert list(tmp_path.iterdir()) == []
 

@@ -22,17 +22,18 @@ if TYPE_CHECKING:
     from frida_painter.objectives.encoders.convolutional import Hed
 
 
-_MORE = 6.0  # additional importance inside a face or a marked place
-_AROUND = 1.25  # times a face's box: includes hair and chin
-_SOFT = 0.25  # share of the radius over which the importance falls off
-_MARKS = (6.0, 6.0, 2.1, 3.6, 3.6)  # additional importance of each eye, the nose and the corners of the mouth
-_MARK = 0.12, 0.2  # radii of the place of an eye, as shares of the face's height and width; 0.8 of them for the others
+_BUDGET = 0.5  # additional importance of all faces of a photograph, relative to that of the whole picture
+_MORE, _MOST = 6.0, 60.0  # additional importance inside a face: in goals with other terms, and most in a photograph
+_AROUND, _SOFT = 1.25, 0.25  # times a face's box, with hair and chin; share of the radius over which it falls off
+# Eyes, nose and corners of the mouth: times that, more, and radii as shares of the face's height and width.
+_MARKS = (1.0, 0.12, 0.2), (1.0, 0.12, 0.2), (0.35, 0.096, 0.16), (0.6, 0.096, 0.16), (0.6, 0.096, 0.16)
 _FOCUS_ROWS = 256  # rows of the map of faces: an eye has a few
 
 
-def importance_of(found: Sequence[Face], rows: int, columns: int) -> Tensor:
+def importance_of(found: Sequence[Face], rows: int, columns: int, *, by_size: bool = False) -> Tensor:
     """Returns the importance of each place of a picture with these faces: [rows, columns], mean 1.
 
+    by_size: True if faces share a budget by the roots of their areas: small and single ones count more.
     A face without marks is a place that a person marked, and counts as far as its box reaches.
     """
     down = ((torch.arange(rows) + 0.5) / rows)[:, None]
@@ -42,26 +43,24 @@ def importance_of(found: Sequence[Face], rows: int, columns: int) -> Tensor:
         far = (((down - row) / height).square() + ((across - column) / width).square()).sqrt()
         return ((1 + _SOFT - far) / _SOFT).clamp(0, 1)
 
-    inside, marked = torch.zeros(2, rows, columns)
-    for face in found:
-        reach = (_AROUND if face.marks else 1.0) / 2
-        inside = torch.maximum(inside, place(face.row, face.column, reach * face.height, reach * face.width))
-        for number, (row, column) in enumerate(face.marks):
-            height, width = (share * (1.0 if number < 2 else 0.8) for share in _MARK)
-            mark = _MARKS[number] * place(row, column, height * face.height, width * face.width)
-            marked = torch.maximum(marked, mark)
-    matters = 1 + _MORE * inside + marked
-    return matters / matters.mean()
+    around = [_AROUND if face.marks else 1.0 for face in found]
+    sides = [times * (face.height * face.width) ** 0.5 for times, face in zip(around, found, strict=True)]
+    added = torch.zeros(rows, columns)
+    for face, times, side in zip(found, around, sides, strict=True):
+        weight = min(_MOST, _BUDGET / (side * sum(sides))) if by_size else _MORE
+        parts = [inside := place(face.row, face.column, times / 2 * face.height, times / 2 * face.width)]
+        for (more, high, wide), (row, column) in zip(_MARKS, face.marks, strict=False):
+            parts.append(inside + more * place(row, column, high * face.height, wide * face.width))
+        added = torch.stack([added, *(weight * part for part in parts)]).amax(0)
+    return (1 + added) / (1 + added).mean()
 
 
-_ROWS = 112  # rows of the examined picture
-_FLAT_ROWS = 256  # rows of the simplified picture
+_ROWS, _FLAT_ROWS = 112, 256  # rows of the examined and of the simplified picture
 _ATTENTION_AROUND = 9  # pixels: window over which an edge counts
 _FLAT = 0.04, 24.0  # share of the shorter side, and 8-bit difference of colours, over which an area becomes even
 _DETAILED = 3.0  # importance of a place, relative to the least, from which it keeps its details
 _SIDE = 224  # pixels of a side of the network's input
-_EDGES, _THINGS = 1.0, 0.7  # relative to the base importance of each place
-_STRONGEST = 6.0  # largest importance, relative to the mean
+_EDGES, _THINGS, _STRONGEST = 1.0, 0.7, 6.0  # relative to the base importance; the last is the largest, to the mean
 
 
 def start_from_meaning(goal: Goal, encoders: EncoderRegistry) -> Goal:
@@ -122,7 +121,8 @@ def weight_by_focus(
         side = 2 * min(rows, columns)
         found = [*found, *(Face(y, x, side * radius / rows, side * radius / columns) for x, y, radius in places)]
         size = _FOCUS_ROWS, max(16, round(_FOCUS_ROWS * columns / rows))
-        return term.weigh(importance_of(found, *size)) if found else term
+        by_size = all(each.is_pixelwise for each in goal.terms)
+        return term.weigh(importance_of(found, *size, by_size=by_size)) if found else term
 
     terms = tuple(map(weigh, goal.terms))
     return goal if all(map(operator.is_, terms, goal.terms)) else replace(goal, terms=terms)

@@ -46,7 +46,6 @@ def at_the_end(notify: Callable[[Step], None]) -> Callable[[Step], None]:
     return lambda step: notify(replace(step, iteration=step.of))
 
 
-_FINEST_MOVED = 0.35  # share of the finest strokes that may move in a round if some places matter more
 _CLOSED = 0.05  # share of a layer that shows through; below it, the layer's colour does not matter
 
 
@@ -115,14 +114,13 @@ def relocate_strokes(
     """Returns the layers after some strokes of each moved to places of a larger gain, one layer after another."""
     found, below = list(layers), canvas
     for number, layer in enumerate(found):
-        problem, draws = problems.for_places(problems.of(below, grid, layer.kind), layer.kind)
+        problem = problems.of(below, grid, layer.kind)
         guide = problems.guide(problem)
         if guide is None:
             return found
         above = [(later.strokes, problems.of(canvas, grid, later.kind)) for later in found[number + 1 :]]
         seen, wanted = beneath(above, layer.strokes, problem, guide)
-        most = max(share, _FINEST_MOVED) if draws else share
-        strokes, paints = relocate(layer.strokes, layer.paints, seen, wanted, most, generator)
+        strokes, paints = relocate(layer.strokes, layer.paints, seen, wanted, share, generator)
         assert paints is not None
         found[number] = replace(layer, strokes=strokes, paints=paints)
         below = problem.render(found[number].strokes).detach()

@@ -293,8 +293,7 @@ class Planner:
     ) -> LayerAtWork:
         """Returns a layer of `count` strokes, grown as if it were the last one, in `wells` or so many new paints."""
         begin = partial(steps.begin, below=[(layer.kind, layer.strokes) for layer in below])
-        first = self.problems.of(canvas, self.coarse, brush, self.problems.initial_objective)
-        problem, _ = self.problems.for_places(first, brush)
+        problem = self.problems.of(canvas, self.coarse, brush, self.problems.initial_objective)
         guide, told = self.problems.guide(problem), begin(min(effort.growing, count) * effort.growing_together)
         target = optimize_target(problem) if guide is None else guide
         found = progressive(count, problem, target, effort, generator, told)

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from frida_painter.brush.kinds import CoverageSpread, StrokeModel, mark_width, painted_area, spread_of
+from frida_painter.brush.kinds import CoverageSpread, StrokeModel, painted_area, spread_of
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError, PlanError, PlanningDiverged
 from frida_painter.frames import ALL_ROWS, PixelGrid, Rows
@@ -28,8 +28,6 @@ from frida_painter.system import images
 _IN_A_PAINTING = 1.5
 PAINT_PRICE = 0.0003
 """Price of the paint of the brush's largest mark, as a share of the loss, for goals that are photographs."""
-_DRAWN = 2.5  # power of the importance by which the finest strokes seek their places; docs/lab/goals.md
-_MAX_DRAWN = 2.0  # largest sum of that increase, relative to the sum of the whole picture: large faces leave strokes
 # Specks of the canvas: how much more their squared error counts; standard deviation of the blur that finds even areas,
 # in metres; variance of an area that is half even; sRGB from which an area is light.
 _SPECKS, _SURROUNDINGS, _EVEN, _LIGHT = 7.0, 0.004, 0.03**2, 0.5
@@ -348,21 +346,6 @@ class PlanningProblems:
         if is_photograph and (guide := self.guide(problem)) is not None:
             problem = replace(problem, wishes=replace(problem.wishes, unrest=unrest_of(problem.canvas, guide, grid)))
         return problem if self.region is None else self.region.guard(problem)
-
-    def for_places(self, problem: PlanningProblem, kind: str) -> tuple[PlanningProblem, bool]:
-        """Returns the scene in which strokes of a kind seek their places, and True if they draw what matters most.
-
-        The finest strokes of a photograph draw eyes first, then the rest of a face: there they gain far more than the
-        objective says, up to two thirds of all gain, and never less. Coarser strokes keep to the objective.
-        """
-        finest = min(self.models, key=lambda name: mark_width(self.models[name]))
-        matters = problem.wishes.importance
-        if matters is None or len(self.models) == 1 or kind != finest or problem.wishes.paint_price == 0:
-            return problem, False
-        said = matters / matters.amin()
-        more = said**_DRAWN - 1
-        drawn = torch.maximum(said, 1 + more * (_MAX_DRAWN / more.mean().clamp(min=_MAX_DRAWN)))
-        return replace(problem, wishes=replace(problem.wishes, importance=drawn / drawn.mean())), True
 
     def stack(self, plan: Plan, canvas: Tensor, grid: PixelGrid) -> tuple[list[Strokes], list[PlanningProblem]]:
         """Returns the strokes of each brush in turn, one for an empty plan, and a scene of the canvas for each."""
