@@ -62,7 +62,7 @@ _LISTED = {
         "rest.",
         "plan": "Plan the strokes without painting. Writes the plan, a picture of it, the palette to mix and a "
         "shopping list.",
-        "render": "Render a plan as a picture of any size, with the stroke models of its brushes.",
+        "render": "Render a plan as a picture of any size.",
         "resume": "Continue a painting that was stopped, paused or killed, from its folder.",
         "watch": "Follow a painting that another terminal or the studio makes, until it ends or pauses for good.",
         "look": "Give a picture of the canvas to a painting without a camera. It counts as a look.",

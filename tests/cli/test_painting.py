@@ -50,7 +50,8 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
     plan = Plan.load(tmp_path / "planned")
     assert len(plan) == 14 and len(plan.palette) == 3 and plan.canvas == CanvasSize(0.12, 0.09)
     names = {path.name for path in (tmp_path / "planned").iterdir()}
-    assert {"plan.json", "plan.png", "palette.png", "record.json", "goal"} < names and len(names) == 6
+    sheets = {"palette.png", "mixing.png", "shopping.png", "shopping.txt"}
+    assert {"plan.json", "plan.png", "record.json", "goal", *sheets} < names and len(names) == 9
     assert all(str(Path("planned") / name) in out for name in ("plan.json", "plan.png", "palette.png"))
     assert re.search(r"Similarity: +[\d.]+ dB expected, [\d.]+ to [\d.]+ \(PSNR at 85 x 64 pixels\)", out)
 

@@ -55,6 +55,7 @@ CALLS: dict[tuple[str, str], tuple[dict[str, Any], Any]] = {
     ("operator", "lay_checker"): ({}, False),
     ("operator", "take_checker_away"): ({}, True),
     ("operator", "paint_stroke"): ({"stroke": STROKE}, None),
+    ("operator", "print_canvas"): ({}, np.arange(24, dtype=np.uint8).reshape(2, 4, 3)),
 }
 
 

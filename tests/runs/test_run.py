@@ -45,7 +45,7 @@ def stopped(photo: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert outcome.painting is not None and outcome.painting.painted == 3 and outcome.trouble is None
     assert outcome.page == folder / "index.html"
     assert [it.done for it in heard if isinstance(it, StrokePainted)] == [1, 2, 3]
-    shutil.copy(folder / "painting.png", folder.parent)
+    shutil.copy(folder / "canvas.png", folder.parent)
     return folder
 
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from numpy.typing import NDArray
 
 from frida_painter.errors import (
     CameraError,
@@ -23,7 +24,7 @@ from frida_painter.errors import (
     RobotError,
     RobotStopped,
 )
-from frida_painter.system.messages import Wire, decode_error, encode_error
+from frida_painter.system.messages import Wire, decode_error, encode_error, pack, unpack
 
 words = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(allow_nan=False) | st.text(max_size=20),
@@ -135,6 +136,12 @@ def test_who_stays_silent_is_late_and_a_message_that_trickles_in_is_as_well(ends
         with pytest.raises(ProcessLost, match="in time"):
             wire.receive(0.05)
         assert time.monotonic() - began < 30, "it does not wait for ever; how busy the machine is is another matter"
+
+
+def test_nothing_comes_as_nothing_also_in_place_of_an_array() -> None:
+    for kind in (NDArray[np.uint8] | None, bytes | None, str | None):
+        sent: dict = {}
+        assert pack(None, kind, sent) is None and unpack(None, kind, sent) is None and sent == {}
 
 
 def test_errors_come_as_themselves() -> None:

@@ -178,7 +178,7 @@ def test_a_photograph_becomes_a_painting_in_the_gallery(opens: Open, studio: Ser
         sees(page, "What do you want to paint?")
         go(page, place)
         expect(page.locator(".looks h3").first).to_be_visible(timeout=LONG)
-        expect(page.get_by_role("link", name="The painting", exact=True)).to_be_visible(timeout=LONG)
+        expect(page.get_by_role("link", name="The painting, to print", exact=True)).to_be_visible(timeout=LONG)
         keep(page, "finished")
         film = page.locator("video")
         film.evaluate("async film => { film.muted = true; await film.play(); }")

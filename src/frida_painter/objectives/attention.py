@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 _BUDGET = 0.5  # additional importance of all faces of a photograph, relative to that of the whole picture
-_MORE, _MOST = 6.0, 60.0  # additional importance inside a face: in goals with other terms, and most in a photograph
+_MORE, _MAX_MORE = 6.0, 60.0  # additional importance inside a face: in goals with other terms, and most in a photograph
 _AROUND, _SOFT = 1.25, 0.25  # times a face's box, with hair and chin; share of the radius over which it falls off
 # Eyes, nose and corners of the mouth: times that, more, and radii as shares of the face's height and width.
 _MARKS = (1.0, 0.12, 0.2), (1.0, 0.12, 0.2), (0.35, 0.096, 0.16), (0.6, 0.096, 0.16), (0.6, 0.096, 0.16)
@@ -47,7 +47,7 @@ def importance_of(found: Sequence[Face], rows: int, columns: int, *, by_size: bo
     sides = [times * (face.height * face.width) ** 0.5 for times, face in zip(around, found, strict=True)]
     added = torch.zeros(rows, columns)
     for face, times, side in zip(found, around, sides, strict=True):
-        weight = min(_MOST, _BUDGET / (side * sum(sides))) if by_size else _MORE
+        weight = min(_MAX_MORE, _BUDGET / (side * sum(sides))) if by_size else _MORE
         parts = [inside := place(face.row, face.column, times / 2 * face.height, times / 2 * face.width)]
         for (more, high, wide), (row, column) in zip(_MARKS, face.marks, strict=False):
             parts.append(inside + more * place(row, column, high * face.height, wide * face.width))

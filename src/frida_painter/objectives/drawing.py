@@ -92,9 +92,11 @@ def _share_of_long(lines: NDArray[np.bool_]) -> float:
 
 
 def draws(goal: Goal) -> bool:
-    """Returns True if a goal is one picture, and that is a drawing."""
+    """Returns True if a goal is one picture, that is a drawing, and nobody has prepared it for planning."""
     (first, *others) = goal.terms
-    return not others and not goal.initial and isinstance(first, ImageTerm) and is_drawing(first.image)
+    if others or goal.initial or not isinstance(first, ImageTerm) or first.wanted is not None:
+        return False
+    return is_drawing(first.image)
 
 
 def with_bold_lines(goal: Goal, width: float) -> Goal:

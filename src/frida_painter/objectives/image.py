@@ -193,10 +193,8 @@ def rise(importance: Tensor, times: float) -> Tensor:
 _SPREAD = 0.0037  # standard deviation of the blur, in metres on the canvas
 _SHARPNESS = 0.3  # increase of each pixel's difference from its surroundings
 _NIGHT, _DAY = 0.22, 0.35  # median sRGB of a picture that is wholly dark, and from which it is not dark
-_IN_THE_DARK, _DARK = (
-    0.9,
-    0.35,
-)  # further increase in black surroundings of the night, and sRGB from which there is none
+_IN_THE_DARK = 0.9  # further increase in black surroundings of the night
+_DARK = 0.35  # sRGB of surroundings from which there is none
 _SURROUNDINGS = 0.006  # standard deviation of the blur that finds surroundings, in metres
 
 

@@ -93,7 +93,7 @@ def _changed(color: Tensor, groups: Sequence[list[int]], found: Sequence[tuple[T
 
 
 def _reach(color: Tensor, recipe: Recipe, paints: PaintSet) -> tuple[Tensor, Recipe]:
-    """Returns the colour, or the nearest one on the way to what its recipe gives that is within reach; with its recipe.
+    """Returns the colour, or the nearest one within reach between it and its mixture, and the recipe.
 
     So two colours on both sides of the limit stay neighbours: one sky does not become two blues.
     """

@@ -144,6 +144,8 @@ def pack(value: Any, kind: Any, arrays: Arrays) -> Any:
 
     kind: its type; None if it is the value's own
     """
+    if value is None and NoneType in get_args(kind):
+        return None
     kind = _without_none(kind)
     if kind in (NoneType, bool):
         return bool(value) if kind is bool else None

@@ -86,12 +86,12 @@ class Canvas:
             self.wet[box], self.ground[box], self.dry[box], self.settled[box], self._changed[box],
             now, self._drying_rate,
         )  # fmt: skip
-        before = Bristles.of(tuft)
+        before = Bristles.of(tuft) if self._detail else None
         _exchange(
             feet, travelled / self.cell, tuft.load, tuft.pigment, tuft.capacity, tuft.bite,
             self.wet, self.tooth, self._changed, self.cell, tuft.brush.film,
         )  # fmt: skip
-        if self._detail:
+        if before is not None:
             self._finer.lay(feet, travelled, tuft, before)
 
     def print(self) -> NDArray[np.uint8] | None:
