@@ -33,6 +33,7 @@ from support.plans import CANVAS, LIMITS, made_up_plan
 TOLD = ("A cup <of> coffee", torch.full((3, 60, 90), 0.4), (("Seed", "7"),), {"photo": "cup.jpg", "strokes": 12})
 BLACK = (0.0, 0.0, 0.0)
 FORECAST = (24.1, 23.6, 24.5)
+SHEETS = {"palette.png", "mixing.png", "shopping.png", "shopping.txt"}
 
 
 def picture(shade: float, rows: int = 40, columns: int = 60) -> Tensor:
@@ -96,10 +97,7 @@ def test_everything_that_was_promised_is_in_the_folder_and_the_page_names_only_w
     promised = {
         "target.jpg",
         "plan.png",
-        "palette.png",
-        "mixing.png",
-        "shopping.png",
-        "shopping.txt",
+        *SHEETS,
         "painting.png",
         "canvas.png",
         "card.jpg",
@@ -238,10 +236,7 @@ def test_an_evening_that_ends_in_an_error_leaves_the_film_so_far(tmp_path: Path)
     left = {
         "target.jpg",
         "plan.png",
-        "palette.png",
-        "mixing.png",
-        "shopping.png",
-        "shopping.txt",
+        *SHEETS,
         "film.mp4",
         "sketchbook",
     }

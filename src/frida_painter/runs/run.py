@@ -475,22 +475,22 @@ class PaintingRun:
             return RunOutcome(self.folder, painting, page, similarity=recorder.similarity)
 
     def _print_again(self) -> NDArray[np.uint8] | None:
-        """Returns the print of a finished painting: from its file, else from the simulated easel; None if it has none.
+        """Returns the print of a finished painting from the simulated easel, else from its file; None if it has none.
 
-        Raises StorageError if the easel cannot be opened as it was left.
+        The file comes second because an earlier sitting may have left it.
         """
         if not (self.spec.simulated and self.spec.has_camera):
             return None
+        log = self.folder / SIMULATION_LOG
+        with suppress(StorageError), tempfile.TemporaryDirectory() as place:  # whoever opens a log adds to it
+            if log.exists():
+                storage.copy(log, Path(place, log.name), "the diary of a virtual studio", storage.MAX_BYTES)
+                ordered = order(self.spec, self.planner.brushes, Path(place), self._state)
+                with closing(open_easel(ordered)) as opened:
+                    return opened.easel.operator.print_canvas()
         with suppress(ImageError):
             return images.load_exactly(self.folder / "painting.png")
-        log = self.folder / SIMULATION_LOG
-        if not log.exists():
-            return None
-        with tempfile.TemporaryDirectory() as place:  # whoever opens a log adds to it
-            storage.copy(log, Path(place, log.name), "the diary of a virtual studio", storage.MAX_BYTES)
-            ordered = order(self.spec, self.planner.brushes, Path(place), self._state)
-            with closing(open_easel(ordered)) as opened:
-                return opened.easel.operator.print_canvas()
+        return None
 
     def _on_record(self, easel: Easel) -> Easel:
         """Returns the easel with its calibration record; a simulated easel may ignore the record of another easel."""

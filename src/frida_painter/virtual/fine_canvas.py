@@ -16,7 +16,7 @@ from frida_painter.virtual.bristles import Tuft
 from frida_painter.virtual.paint import BANDS, to_srgb
 
 _MAX_FINER, _MAX_PIXELS = 10, 26_000_000  # of the fine grid: pixels along a cell, and in all
-_TRACK = 0.35  # width in mm in which bristles cover each other's marks
+_TRACK = 0.35  # mm: width of a track; in one track, a bristle covers the marks of those before it
 _HAIRS = 7  # in a lock
 # Half of the width (mm) of a lock at the lightest touch and at the hardest press.
 _LIGHT_LOCK, _HARD_LOCK = np.float32(0.36), np.float32(0.60)
