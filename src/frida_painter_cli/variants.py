@@ -139,7 +139,7 @@ def plan_variants(spec: RunSpec, out: Path | None, count: int) -> None:
         found = {name: future.result() for name, future in begun.items()}
     cells = [Cell(images.load(place / "plan.png"), found[name]) for name, place in folders.items()]
     headings = [place.name for place in folders.values()]
-    images.save(page(str(folder), headings, [FigureRow("", cells)], width=_WIDTH), folder / "variants.png")
+    images.save(page(spec.name, headings, [FigureRow("", cells)], width=_WIDTH), folder / "variants.png")
     say(*(f"{place.name:<12} {found[name]}: {place / 'plan.json'}" for name, place in folders.items()))
     say(f"Side by side: {folder / 'variants.png'}", f"To paint one: {_command(next(iter(folders.values())))}")
 

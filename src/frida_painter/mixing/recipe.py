@@ -32,7 +32,7 @@ MAX_PARTS: parts if only traces or a fourth paint bring the colour near, half as
 two
 """
 _LEVELS, _EVERY_LEVEL = (0, 1, 3, 9, 27), tuple(range(EASY_PARTS + 1))  # parts that are tested first, and then
-_CHOSEN, _NEAREST = 8, 400  # combinations of paints, and mixtures of them, that are tested further
+_CHOSEN, _NEAREST = 12, 1600  # combinations of paints, and mixtures of them, that are tested further
 _FEW, _KEPT = 6, 40  # paints in mixtures of four; combinations whose mixtures are kept
 # Traces: added parts, factors of the other parts, and mixtures to which traces are added.
 _ADDED, _FACTORS, _SEEDS = (1, 2, 3), (1, 2, 3, 6, 12, 40, 100), 16
@@ -237,7 +237,7 @@ class _Mixer:
             hard = self._recipe(color, aim, found)
             if near:
                 return hard
-        best = min(easy, hard, key=lambda recipe: recipe.off)
+        best = easy if easy.off <= NEAR else min(easy, hard, key=lambda recipe: recipe.off)
         return best if best.within_reach else self._recipe(color, aim, self._near(aim, _CLIPPED)[0])
 
     def _hard(self, combinations: list[tuple[int, ...]]) -> _Mixtures:
