@@ -299,7 +299,7 @@ def _begin_page(title: str, facts: str, rows: int = A4[1], columns: int = A4[0])
 
 
 _MIXING_SHEET_HEAD = 216
-_TALLEST, _LOWEST, _BRUSH_ROW = 84, 52, 96
+_TALLEST, _LOWEST, _BRUSH_ROW, _BRUSH_GAP = 84, 52, 96, 20
 _SWATCH, _WELL_ROOM, _TOTAL = (
     60,
     214,
@@ -317,7 +317,7 @@ def mixing_sheet(paints: Sequence[BrushPaints], title: str) -> Tensor:
     """Returns the recipes as one printed table, sRGB [3, H, W] in [0, 1]: brush by brush, a column for each tube."""
     tubes = [supply.paint for supply in supplies(paints)]
     rows, wide = sum(len(brush.mixtures) for brush in paints), max(_MIN_TUBE, _TUBES_ROOM // len(tubes))
-    foot, heads = 130, len(paints) * _BRUSH_ROW
+    foot, heads = 130, len(paints) * (_BRUSH_ROW + _BRUSH_GAP)
     height = min(_TALLEST, max(_LOWEST, (A4[1] - _MIXING_SHEET_HEAD - foot - heads) // rows))
     missed = sum(not each.recipe.within_reach for brush in paints for each in brush.mixtures)
     facts = f"{count_of(rows, 'mixture')} in the order of work; {missed or 'none'} of them out of reach of these paints"
@@ -328,7 +328,7 @@ def mixing_sheet(paints: Sequence[BrushPaints], title: str) -> Tensor:
         _brush_head(sheet, brush, tubes, top, wide)
         for at, mixture in enumerate(brush.mixtures):
             _mixture_row(sheet, mixture, columns, top + _BRUSH_ROW + height * at, height)
-        top += _BRUSH_ROW + height * len(brush.mixtures)
+        top += _BRUSH_ROW + height * len(brush.mixtures) + _BRUSH_GAP
     sheet.lines((_PAGE_MARGIN, sheet.image.height - 104), _MIXING_ADVICE, 17, 25)
     return sheet.tensor()
 
