@@ -82,7 +82,7 @@ def _make_svg(plan: Plan, options: ExportOptions) -> str:
     widths = plan_widths(plan, load_models_of(plan))
     marks = set()
     if options.dips:
-        for before, action in pairwise(_actions(plan, FlatbedWorkspace())):
+        for before, action in pairwise(_actions(plan, FlatbedWorkspace(), options)):
             if isinstance(before.done, Dipped) and isinstance(action.done, StrokePainted):
                 marks.add(action.done.done - 1)
     return svg(plan, widths, keep_order=not options.regroup, dips=marks)
@@ -108,44 +108,43 @@ def _make_gcode(plan: Plan, options: ExportOptions) -> str:
         )
         place = flatbed.motion(plan.canvas).workspace
         language = Gcode(dialect, flatbed.travel_speed, own=read_own(options.own, place))
-        return gcode(plan, _actions(plan, flatbed), language, pauses=True, drying=dries)
+        return gcode(plan, _actions(plan, flatbed, options), language, pauses=True, drying=dries)
     if press is not None or lift is not None:
         raise ConfigError("--press and --lift are the workspace's to say; leave them out with --workspace.")
-    return _program(plan, options.workspace, options.calibration, dialect, dries, options.own)
+    return _program(plan, options, dialect, dries)
 
 
 DIALECTS = ("grbl", "marlin")
-SVG = ExporterKind("svg", "Paths in millimetres, for Inkscape and plotters.", _make_svg, ("regroup", "dips"))
+SVG = ExporterKind("svg", "Paths in millimetres, for Inkscape and plotters.", _make_svg, ("regroup", "dips", "refill"))
 GCODE = ExporterKind(
     "gcode",
     "A program for GRBL and Marlin machines.",
     _make_gcode,
-    ("flavour", "press", "lift", "workspace", "calibration", "drying", "own"),
+    ("flavour", "press", "lift", "workspace", "calibration", "drying", "own", "refill"),
 )
 CSV = ExporterKind("csv", "A table with one row per stroke.", lambda plan, options: table(plan))
 
 
-def _program(
-    plan: Plan, workspace: Path | None, calibration: Path | None, dialect: str, drying: float, own: Path | None
-) -> str:
+def _program(plan: Plan, options: ExportOptions, dialect: str, drying: float) -> str:
     """Returns the program for a machine with wells.
 
     Raises WorkspaceViolation if a part of the plan cannot be painted.
     """
+    workspace = options.workspace
     if workspace is None:
         raise ConfigError("--calibration was given without --workspace; say where the wells stand as well.")
     workcell = WorkcellConfig.load(workspace)
     first, *others = plan.brushes
-    known = _load_record(calibration, workcell.calibration(first, others=others))
+    known = _load_record(options.calibration, workcell.calibration(first, others=others))
     found = rehearse(plan, workcell.workspace, workcell.canvas, known, workcell.reach)
     if not found.passed:
         raise WorkspaceViolation(
             f"Not all of this plan can be painted in the workspace {str(workspace)!r}, and nothing was written; "
             f"`frida-painter check PLAN --workspace {workspace}` tells what."
         )
-    choreography = choreography_at(workcell.workspace, known, plan.brushes, simulated=False)
+    choreography = choreography_at(workcell.workspace, known, plan.brushes, simulated=False, refill=_refill(options))
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
-    language = Gcode(dialect, workcell.workspace.travel_speed, own=read_own(own, workcell.workspace))
+    language = Gcode(dialect, workcell.workspace.travel_speed, own=read_own(options.own, workcell.workspace))
     motion, cleaning = choreography.motion, choreography.cleaning()
     if workcell.workspace.rack is None:
         return gcode(plan, actions, language, pauses=False, ending=cleaning, drying=drying)
@@ -158,9 +157,14 @@ def _program(
     return gcode(plan, actions, language, pauses=False, ending=ending, drying=drying, change=change)
 
 
-def _actions(plan: Plan, flatbed: FlatbedWorkspace) -> list[Action]:
+def _refill(options: ExportOptions) -> float | None:
+    """Returns the millimetres of a dip: those given, else the painting's own."""
+    return options.refill or (None if options.source is None else spec_beside(options.source).refill)
+
+
+def _actions(plan: Plan, flatbed: FlatbedWorkspace, options: ExportOptions) -> list[Action]:
     """Returns the actions of painting the plan on a flatbed, beginning with a clean brush."""
-    choreography = Choreography.of(flatbed.motion(plan.canvas), plan.brushes)
+    choreography = Choreography.of(flatbed.motion(plan.canvas), plan.brushes, _refill(options))
     return list(choreography.actions(plan, BrushLoad(), 0, len(plan)))
 
 
@@ -192,7 +196,7 @@ def check_plan(
         print(
             f"{count_of(len(loaded), 'stroke')} in {count_of(len(loaded.palette), 'paint')}: all of it can be painted."
         )
-        choreography = choreography_at(place, known, loaded.brushes, simulated=there.simulated)
+        choreography = choreography_at(place, known, loaded.brushes, simulated=there.simulated, refill=settings.refill)
         _tell_time(reckon(loaded, choreography, BrushLoad(), timing=there.timing, drying=60 * settings.drying))
         for name in loaded.brushes:
             print(f"The {name} brush is dipped again after {choreography.with_brush(name).brush.dip}.")

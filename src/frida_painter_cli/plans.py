@@ -149,6 +149,21 @@ class SvgOptions:
 
 
 @dataclass(frozen=True)
+class DipOptions:
+    """Options of an export that says where the brush is dipped."""
+
+    refill: Annotated[
+        float | None,
+        taking(
+            "MM",
+            "svg with --dips, gcode: millimetres that a dip paints with the whole width of a brush. [dim]as the "
+            "painting's settings say[/]",
+            parser=number_within(5, 10_000),
+        ),
+    ] = None
+
+
+@dataclass(frozen=True)
 class GcodeOptions:
     """Options of an export as G-code."""
 
@@ -193,7 +208,15 @@ def export(
         ),
     ] = "svg",
     out: Annotated[Path | None, taking("FILE", "The file to write. [dim]strokes.KIND[/]", parser=out_file)] = None,
+    per_paint: Annotated[
+        bool,
+        typer.Option(
+            "--per-paint",
+            help="One file per paint of each layer, numbered in the order of work. Changes which strokes lie on top.",
+        ),
+    ] = False,
     svg: SvgOptions,
+    dip: DipOptions,
     gcode: GcodeOptions,
 ) -> None:
     """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
@@ -204,16 +227,21 @@ def export(
     dips, rinses and wipes by itself.
     """
     from frida_painter.render.exporter import ExportOptions, export_plan, find_exporter
+    from frida_painter.strokes.palette import to_hex
     from frida_painter.strokes.plan import Plan
 
     kind = find_exporter(to)
     path = out or Path(f"strokes.{kind.name}")
     if path.suffix.lower() != f".{kind.name}":
         raise ConfigError(f"--out was given {str(path)!r}; with --to {kind.name} the file ends in .{kind.name}.")
-    options = ExportOptions(**vars(svg), **vars(gcode), source=plan)
+    options = ExportOptions(**vars(svg), **vars(dip), **vars(gcode), source=plan)
     loaded = Plan.load(plan)
-    export_plan(loaded, path, kind.name, options)
-    typer.echo(f"{len(loaded)} strokes in {len(loaded.palette)} paints: {path}")
+    parts = loaded.by_paint() if per_paint else [loaded]
+    for number, part in enumerate(parts, start=1):
+        name = path.with_stem(f"{path.stem}-{number:0{len(str(len(parts)))}d}") if per_paint else path
+        export_plan(part, name, kind.name, options)
+        paints = to_hex(part.palette.color[part.paint[0]]) if per_paint else count_of(len(part.palette), "paint")
+        typer.echo(f"{count_of(len(part), 'stroke')} in {paints}: {name}")
 
 
 def check(

@@ -80,6 +80,12 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
     run("export", "planned", "--to", "gcode", "--workspace", "place.toml", "--out", "whole.gcode")
     program = (tmp_path / "whole.gcode").read_text()
     assert "M0" not in program and "; dip into well 3\n" in program and "; wipe\n" in program
+    run("export", "planned", "--to", "gcode", "--per-paint", "--refill", 5, "--out", "one.gcode")
+    programs = [path.read_text() for path in sorted(tmp_path.glob("one-*.gcode"))]
+    assert [program.count("; stroke ") > 0 for program in programs] == [True, True, True]
+    assert sum(program.count("; stroke ") for program in programs) == 14
+    assert all(f"dip into paint {number}" in program for number, program in enumerate(programs, 1))
+    assert sum(program.count("\nM0 (dip") for program in programs) == 14, "5 mm is less than a stroke"
     run("export", "planned", "--to", "csv", "--out", "list.csv")
     with (tmp_path / "list.csv").open() as file:
         assert len(list(csv.reader(file))) == 15

@@ -180,6 +180,8 @@ def test_a_library_with_fewer_dips_than_strokes_tells_what_a_dip_paints(tmp_path
     for simulated in (False, True):
         dip = with_measured_dip(SMALL, known, simulated=simulated).dip
         assert 1e-4 < dip.holds < 4e-4 and not dip.by_strokes
+    told = with_measured_dip(SMALL, known, simulated=False, refill=200.0).dip
+    assert told == Dip(0.2 * SMALL.width), "what a person says comes before what the library shows"
     other = replace(SMALL, name="other")
     assert with_measured_dip(other, known, simulated=False).dip == Dip.of_strokes(STROKES_PER_DIP), (
         "it is of another brush"

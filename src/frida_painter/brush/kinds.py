@@ -203,6 +203,10 @@ class BrushKind:
         """Returns the brush for the strokes of a family."""
         return replace(self, limits=StrokeLimits(family.size, (0.0, 0.0), family))
 
+    def dipped_for(self, distance: float | None) -> "BrushKind":
+        """Returns the brush whose dip paints that many millimetres with its whole width; the same one for None."""
+        return self if distance is None else replace(self, known_dip=Dip(distance / 1000 * self.width))
+
     @property
     def for_any_order(self) -> Self:
         """Brush for strokes whose order ignores their importance: it is dipped before it gets too dry."""

@@ -26,6 +26,7 @@ class ExportOptions:
     calibration: Path | None = None
     drying: float | None = None
     own: Path | None = None
+    refill: float | None = None
     source: Path | None = None
 
     @property

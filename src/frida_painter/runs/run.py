@@ -533,7 +533,7 @@ class PaintingRun:
             return accepted or self.controls.paint_on(sentence, canvas)
 
         first, *others = (
-            with_measured_dip(brush_kind(name), easel.calibration, simulated=easel.simulated)
+            with_measured_dip(brush_kind(name), easel.calibration, simulated=easel.simulated, refill=spec.refill)
             for name in planner.brushes
         )
         learned = self._reopened.placement if self._reopened else None

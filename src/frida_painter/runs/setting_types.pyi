@@ -37,6 +37,7 @@ class Settings(TypedDict, total=False):
     camera: str
     workspace: str | Path | None
     calibration: str | Path | None
+    refill: float | None
     placement_error: str | None
     pace: float
     on_canvas: bool

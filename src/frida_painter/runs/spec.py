@@ -118,6 +118,10 @@ class MachineSettings(SettingSection):
     """The workspace file of a real robot (TOML): the places of canvas, wells, water and rag."""
     calibration: File = setting(None, value="FILE", usual="the virtual studio's own", common=True)
     """The calibration record of the easel."""
+    refill: float | None = setting(
+        None, value="MM", usual="as the brush's stroke library shows, else 4 strokes", ge=5, le=10_000
+    )
+    """Millimetres that one dip paints with the whole width of a brush; lighter strokes go on longer."""
     placement_error: Placement = setting(None, value="X,Y,TURN", usual="about 2mm and 0.4deg, by the seed")
     """Calibration error of the virtual studio: the offset and rotation between its canvas and where its robot
     expects the canvas, like 4mm,2deg or 3mm,-2mm,1.5deg."""

@@ -60,12 +60,13 @@ class Choreography:
     others: "Mapping[str, Choreography]" = field(default_factory=dict)
 
     @classmethod
-    def of(cls, motion: Motion, brushes: Sequence[str]) -> Self:
+    def of(cls, motion: Motion, brushes: Sequence[str], refill: float | None = None) -> Self:
         """Returns a choreography for several brushes with the same motions, and for strokes in any order.
 
+        refill: as in `BrushKind.dipped_for`
         Raises ConfigError for an unknown brush.
         """
-        first, *others = (brush_kind(name).for_any_order for name in brushes)
+        first, *others = (brush_kind(name).for_any_order.dipped_for(refill) for name in brushes)
         return cls(motion, first, {kind.name: cls(motion, kind) for kind in others})
 
     def with_brush(self, name: str) -> "Choreography":

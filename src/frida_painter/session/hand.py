@@ -347,14 +347,14 @@ class Hand:
 
 
 def choreography_at(
-    workspace: Workspace, record: Calibration, brushes: Sequence[str], *, simulated: bool
+    workspace: Workspace, record: Calibration, brushes: Sequence[str], *, simulated: bool, refill: float | None = None
 ) -> Choreography:
     """Returns the choreography of these brushes at the easel of a record; the first brush is in the holder.
 
-    simulated: True for a simulated easel, as in `with_measured_dip`.
+    simulated, refill: as in `with_measured_dip`
     Raises ConfigError for an unknown brush, CalibrationError if the record does not have a brush.
     """
-    kinds = [with_measured_dip(brush_kind(name), record, simulated=simulated) for name in brushes]
+    kinds = [with_measured_dip(brush_kind(name), record, simulated=simulated, refill=refill) for name in brushes]
     return _choreography(workspace, record, kinds)
 
 
@@ -372,13 +372,17 @@ _load_library = Later("frida_painter.brush.library:StrokeLibrary.load")
 _estimate_dip = Later("frida_painter.brush.library:estimate_dip")
 
 
-def with_measured_dip(kind: BrushKind, record: Calibration, *, simulated: bool) -> BrushKind:
+def with_measured_dip(
+    kind: BrushKind, record: Calibration, *, simulated: bool, refill: float | None = None
+) -> BrushKind:
     """Returns the brush with the capacity of one dip at the easel of that record.
 
-    The record's stroke library shows the capacity. Without it, the capacity is a fixed number of strokes. In the
-    virtual studio, a brush of the project then keeps its known capacity.
+    refill: millimetres that a dip paints with the whole width of the brush. None: as the record's stroke library
+        shows; without it a fixed number of strokes, and in the virtual studio what the brush is known to hold
     Raises LibraryError if the library is damaged.
     """
+    if refill is not None:
+        return kind.dipped_for(refill)
     if kind.name in record.others:
         record = record.of_brush(kind.name)
     if record.library is not None and record.brush == kind.name:

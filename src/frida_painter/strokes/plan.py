@@ -254,6 +254,11 @@ class Plan:
             for layer, where in self._slices
         ]
 
+    def by_paint(self) -> list["Plan"]:
+        """Returns one plan for each paint of each layer: layers in their order, paints in that of their wells."""
+        places = list(zip(self.layer.tolist(), self.well.tolist(), strict=True))
+        return [self.part([at for at, mine in enumerate(places) if mine == place]) for place in sorted(set(places))]
+
     def by_kind(self) -> list[tuple[str, Strokes]]:
         """Returns the kinds of strokes in the order of use, each with all strokes until the next change of kind."""
         runs = itertools.groupby(self.filled_layers(), lambda part: part.layers[0].kind)
