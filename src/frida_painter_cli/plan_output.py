@@ -22,6 +22,7 @@ from frida_painter.errors import ConfigError, RobotError, WorkspaceViolation
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import PersonCanvas, PersonStroke
 from frida_painter.hardware.gcode import Gcode, read_own
+from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Examination, LooseRobot, Reach, TimedRobot, Waypoints, Workspace
 from frida_painter.hardware.timing import AxisTiming, Timing, TravelLimits
 from frida_painter.hardware.workcell import WorkcellConfig
@@ -29,7 +30,7 @@ from frida_painter.render.exporter import ExporterKind, ExportOptions
 from frida_painter.render.painting import render_plan
 from frida_painter.report.gcode import gcode
 from frida_painter.report.sheets import offending_strokes
-from frida_painter.report.vector import plan_widths, svg, table
+from frida_painter.report.vector import letter, plan_widths, svg, table
 from frida_painter.runs.painting_folder import spec_beside
 from frida_painter.session.choreography import DRYING, Action, BrushLoad, Choreography, Timetable, reckon
 from frida_painter.session.events import Dipped, StrokePainted
@@ -85,7 +86,8 @@ def _make_svg(plan: Plan, options: ExportOptions) -> str:
         for before, action in pairwise(_actions(plan, FlatbedWorkspace(), options)):
             if isinstance(before.done, Dipped) and isinstance(action.done, StrokePainted):
                 marks.add(action.done.done - 1)
-    return svg(plan, widths, keep_order=not options.regroup, dips=marks)
+    text = letter(plan.canvas, options.title, options.signature)
+    return svg(plan, widths, keep_order=not options.regroup, dips=marks, lettering=text)
 
 
 def _make_gcode(plan: Plan, options: ExportOptions) -> str:
@@ -106,21 +108,23 @@ def _make_gcode(plan: Plan, options: ExportOptions) -> str:
             FlatbedWorkspace.press if press is None else press / 1000,
             FlatbedWorkspace.lift if lift is None else lift / 1000,
         )
-        place = flatbed.motion(plan.canvas).workspace
-        language = Gcode(dialect, flatbed.travel_speed, own=read_own(options.own, place))
-        return gcode(plan, _actions(plan, flatbed, options), language, pauses=True, drying=dries)
+        motion = flatbed.motion(plan.canvas)
+        language = Gcode(dialect, flatbed.travel_speed, own=read_own(options.own, motion.workspace))
+        actions, text = _actions(plan, flatbed, options), _lettering(plan, options, motion)
+        return gcode(plan, actions, language, pauses=True, drying=dries, lettering=text)
     if press is not None or lift is not None:
         raise ConfigError("--press and --lift are the workspace's to say; leave them out with --workspace.")
     return _program(plan, options, dialect, dries)
 
 
 DIALECTS = ("grbl", "marlin")
-SVG = ExporterKind("svg", "Paths in millimetres, for Inkscape and plotters.", _make_svg, ("regroup", "dips", "refill"))
+_FOR_BOTH = ("refill", "title", "signature")
+SVG = ExporterKind("svg", "Paths in millimetres for plotters.", _make_svg, ("regroup", "dips", *_FOR_BOTH))
 GCODE = ExporterKind(
     "gcode",
     "A program for GRBL and Marlin machines.",
     _make_gcode,
-    ("flavour", "press", "lift", "workspace", "calibration", "drying", "own", "refill"),
+    ("flavour", "press", "lift", "workspace", "calibration", "drying", "own", *_FOR_BOTH),
 )
 CSV = ExporterKind("csv", "A table with one row per stroke.", lambda plan, options: table(plan))
 
@@ -146,15 +150,22 @@ def _program(plan: Plan, options: ExportOptions, dialect: str, drying: float) ->
     actions = choreography.actions(plan, BrushLoad(), 0, len(plan))
     language = Gcode(dialect, workcell.workspace.travel_speed, own=read_own(options.own, workcell.workspace))
     motion, cleaning = choreography.motion, choreography.cleaning()
+    text = _lettering(plan, options, motion)
     if workcell.workspace.rack is None:
-        return gcode(plan, actions, language, pauses=False, ending=cleaning, drying=drying)
+        return gcode(plan, actions, language, pauses=False, ending=cleaning, drying=drying, lettering=text)
 
     def change(held: str, brush: str) -> tuple[Waypoints, ...]:
         return (*(cleaning if held else ()), *motion.change(held, brush))
 
     last = plan.filled_layers()[-1].layers[0].brush if len(plan) else first
     ending = (*cleaning, motion.put_back(last))
-    return gcode(plan, actions, language, pauses=False, ending=ending, drying=drying, change=change)
+    return gcode(plan, actions, language, pauses=False, ending=ending, drying=drying, change=change, lettering=text)
+
+
+def _lettering(plan: Plan, options: ExportOptions, motion: Motion) -> list[Waypoints]:
+    """Returns the motions of a pen that touches the canvas lightly."""
+    lines = letter(plan.canvas, options.title, options.signature)
+    return [motion.line(f"line {at} of the lettering", line, np.zeros(len(line))) for at, line in enumerate(lines, 1)]
 
 
 def _refill(options: ExportOptions) -> float | None:

@@ -164,6 +164,14 @@ class DipOptions:
 
 
 @dataclass(frozen=True)
+class LetteringOptions:
+    """Options of an export with text of a pen."""
+
+    title: Annotated[str, taking("TEXT", "svg, gcode: a title for a pen, in the lower left corner.")] = ""
+    signature: Annotated[str, taking("TEXT", "svg, gcode: a signature for a pen, in the lower right corner.")] = ""
+
+
+@dataclass(frozen=True)
 class GcodeOptions:
     """Options of an export as G-code."""
 
@@ -217,6 +225,7 @@ def export(
     ] = False,
     svg: SvgOptions,
     dip: DipOptions,
+    lettering: LetteringOptions,
     gcode: GcodeOptions,
 ) -> None:
     """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
@@ -234,12 +243,13 @@ def export(
     path = out or Path(f"strokes.{kind.name}")
     if path.suffix.lower() != f".{kind.name}":
         raise ConfigError(f"--out was given {str(path)!r}; with --to {kind.name} the file ends in .{kind.name}.")
-    options = ExportOptions(**vars(svg), **vars(dip), **vars(gcode), source=plan)
+    options = ExportOptions(**vars(svg), **vars(dip), **vars(lettering), **vars(gcode), source=plan)
     loaded = Plan.load(plan)
     parts = loaded.by_paint() if per_paint else [loaded]
     for number, part in enumerate(parts, start=1):
         name = path.with_stem(f"{path.stem}-{number:0{len(str(len(parts)))}d}") if per_paint else path
-        export_plan(part, name, kind.name, options)
+        is_last = number == len(parts)
+        export_plan(part, name, kind.name, options if is_last else replace(options, title="", signature=""))
         paints = to_hex(part.palette.color[part.paint[0]]) if per_paint else count_of(len(part.palette), "paint")
         typer.echo(f"{count_of(len(part), 'stroke')} in {paints}: {name}")
 

@@ -86,6 +86,13 @@ def test_a_plan_becomes_pictures_of_any_size_and_files_for_machines(run: Run, ph
     assert sum(program.count("; stroke ") for program in programs) == 14
     assert all(f"dip into paint {number}" in program for number, program in enumerate(programs, 1))
     assert sum(program.count("\nM0 (dip") for program in programs) == 14, "5 mm is less than a stroke"
+    pytest.importorskip("HersheyFonts")
+    for kind in ("svg", "gcode"):
+        run("export", "planned", "--to", kind, "--title", "Hill", "--signature", "Ada", "--out", f"signed.{kind}")
+    signed = (tmp_path / "signed.gcode").read_text()
+    assert signed.index("take a pen") > signed.rindex("; stroke ") and "Z-" not in signed[signed.index("take a pen") :]
+    written = ElementTree.parse(tmp_path / "signed.svg").getroot().findall("{http://www.w3.org/2000/svg}g")[-1]
+    assert written.get("{http://www.inkscape.org/namespaces/inkscape}label", "").startswith("!") and len(written) > 6
     run("export", "planned", "--to", "csv", "--out", "list.csv")
     with (tmp_path / "list.csv").open() as file:
         assert len(list(csv.reader(file))) == 15

@@ -40,12 +40,16 @@ class Motion:
         On an uneven canvas, the tip follows the height map.
         """
         on_canvas, thickness = stroke_path(strokes, index, step=_STEP)  # [k, 2], [k]
+        return self.line(name or f"stroke {index}", on_canvas, thickness)
+
+    def line(self, name: str, on_canvas: NDArray[np.float64], thickness: NDArray[np.float64]) -> Waypoints:
+        """Returns the motion along points [k, 2] of the canvas, metres, at the depth for each thickness [k]."""
         height = self.calibration.height(thickness) + self.calibration.unevenness(on_canvas)
         path = self.workspace.to_robot(self.calibration.place(on_canvas), height)
         above = path[[0, -1]].copy()
         above[:, 2] = self.travel_height
         position = np.concatenate([above[:1], path, above[1:]])
-        return Waypoints(name or f"stroke {index}", position, self.workspace.painting_speed)
+        return Waypoints(name, position, self.workspace.painting_speed)
 
     def swift_stroke(self, strokes: Strokes, index: int, name: str) -> tuple[Waypoints, Waypoints, Waypoints]:
         """Returns the same stroke as three motions: to above its start, the stroke, and up; the outer two are fast.

@@ -27,12 +27,14 @@ class ExportOptions:
     drying: float | None = None
     own: Path | None = None
     refill: float | None = None
+    title: str = ""
+    signature: str = ""
     source: Path | None = None
 
     @property
     def given(self) -> list[str]:
         """Names of the options that are given."""
-        return [name for name, value in vars(self).items() if name != "source" and value not in (None, False)]
+        return [name for name, value in vars(self).items() if name != "source" and value not in (None, False, "")]
 
 
 @dataclass(frozen=True)

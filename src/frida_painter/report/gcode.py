@@ -6,7 +6,7 @@ printable ASCII, without the characters that GRBL obeys even in comments.
 
 import textwrap
 import unicodedata
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import torch
 
@@ -29,6 +29,7 @@ def gcode(
     *,
     pauses: bool,
     ending: Iterable[Waypoints] = (),
+    lettering: Sequence[Waypoints] = (),
     drying: float = DRYING,
     change: Callable[[str, str], Iterable[Waypoints]] | None = None,
 ) -> str:
@@ -39,6 +40,7 @@ def gcode(
     pauses: True to wait at each dip, at travel height, until a person has put paint on the brush or changed the
         pen; False to dip, rinse and wipe by the actions' motions
     ending: motions after the last stroke
+    lettering: motions of a pen after those, for which the machine waits (M0)
     drying: seconds for which a layer dries
     change: returns the motions that put back one brush ("" for none) and take another; None if a person changes
         brushes
@@ -62,7 +64,9 @@ def gcode(
         start = language.rise(z, (x, y))
     body = _body(plan, todo, language, pauses, drying, change)
     first, last = _own(language, "start"), _own(language, "end")
-    return "\n".join((*head, *first, *start, *body, *_motions(ending, language), *last, "; the end", ""))
+    pen = _wait(["take a pen for title and signature"] if lettering else [], language)
+    written = (*_motions(ending, language), *pen, *_motions(lettering, language))
+    return "\n".join((*head, *first, *start, *body, *written, *last, "; the end", ""))
 
 
 def _own(language: Gcode, event: str, **fields: str) -> list[str]:

@@ -3,13 +3,17 @@
 import csv
 import io
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
+from frida_painter import registry
 from frida_painter.brush.kinds import StrokeModel, growth_of
-from frida_painter.errors import PlanError
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError, PlanError
 from frida_painter.frames import wrap_angles
 from frida_painter.report.page import template
 from frida_painter.strokes.family import MAX_CODES
@@ -85,7 +89,14 @@ def mark_widths(strokes: Strokes, model: StrokeModel) -> Tensor:
 _DECIMALS = 3
 
 
-def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[int] = ()) -> str:
+def svg(
+    plan: Plan,
+    width: Tensor,
+    *,
+    keep_order: bool = True,
+    dips: Collection[int] = (),
+    lettering: Sequence[NDArray[np.float64]] = (),
+) -> str:
     """Returns the plan as an SVG document: one path per stroke, one SVG layer per paint.
 
     width: [n] of each stroke, metres
@@ -93,6 +104,7 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
         first, for plotters on which a change of pen costs more than the order
     dips: indices of the strokes before which the brush is dipped, in painting order only; an SVG layer whose name
         starts with "!" begins there, at which software for AxiDraws pauses
+    lettering: lines [k, 2] of a pen, canvas metres; they get the last SVG layer, which begins with a pause
 
     In painting order a new SVG layer begins at each change of paint, so that the layers give the plan's picture if
     painted from first to last. There is one SVG layer per palette colour if each colour is painted in one go, and
@@ -121,7 +133,9 @@ def svg(plan: Plan, width: Tensor, *, keep_order: bool = True, dips: Collection[
         layers.append((label, color, well + 1, layer + 1, brush, [paths[index] for index in group]))
     across, down = (_millimetres(side) for side in (plan.canvas.width, plan.canvas.height))
     known = {"across": across, "down": down, "ground": to_hex(torch.tensor(plan.ground))}
-    return template("strokes.svg").render(plan=plan, layers=layers, **known) + "\n"
+    lines = (plan.canvas.on_page(torch.from_numpy(line)) * 1000 for line in lettering)
+    written = ["M" + " L".join(f"{x:.{_DECIMALS}f},{y:.{_DECIMALS}f}" for x, y in line.tolist()) for line in lines]
+    return template("strokes.svg").render(plan=plan, layers=layers, lettering=written, **known) + "\n"
 
 
 def _paths(plan: Plan, width: Tensor) -> list[tuple[str, str, int, float, str]]:
@@ -201,3 +215,50 @@ def table(plan: Plan) -> str:
         of_family = (*([""] * (8 - len(path))), family, *codes[number - 1]) if plan.families else ()
         rows.writerow((number, layer + 1, brushes[layer], paint + 1, color, *numbers, *of_family))
     return content.getvalue()
+
+
+# Titles and signatures as lines of a pen, in the public-domain fonts of A. V. Hershey.
+
+_EDGE = 0.006  # distance of the text from the canvas's edges, metres
+_TITLES, _SIGNATURES = ("futural", 0.004), ("scripts", 0.008)  # font, and metres from its lowest to its highest line
+_PRINTABLE = range(32, 127)
+
+
+def letter(canvas: CanvasSize, title: str = "", signature: str = "") -> list[NDArray[np.float64]]:
+    """Returns the lines [k, 2] of a title in the lower left corner and a signature in the lower right one.
+
+    In canvas metres. Raises ConfigError for a letter that the fonts lack, for text that is wider than the canvas, and
+    if the package of the fonts is not installed.
+    """
+    found, used = list[NDArray[np.float64]](), 0.0
+    for text, (font, height), is_right in ((title, _TITLES, False), (signature, _SIGNATURES, True)):
+        lines = _write(text, font, height) if text.strip() else []
+        if not lines:
+            continue
+        points = np.concatenate(lines)
+        left, width = points[:, 0].min(), np.ptp(points[:, 0])
+        used += width + 2 * _EDGE
+        if not (used <= canvas.width and canvas.height >= 4 * _EDGE):
+            raise ConfigError(
+                f"Title and signature are {1000 * used:.0f} mm wide with their margins, and the canvas is "
+                f"{1000 * canvas.width:.0f} x {1000 * canvas.height:.0f} mm; give shorter ones, or leave one out."
+            )
+        at = canvas.width - _EDGE - width if is_right else _EDGE
+        found += [line + np.array((at - left, _EDGE)) for line in lines]
+    return found
+
+
+def _write(text: str, font: str, height: float) -> list[NDArray[np.float64]]:
+    """Returns the lines of a text that stands on the axis x, metres."""
+    missing = sorted({letter for letter in text if ord(letter) not in _PRINTABLE})
+    if missing:
+        raise ConfigError(
+            f"The pen's letters have no {' '.join(missing[:5])!r}; write {text[:40]!r} with plain Latin ones."
+        )
+    with registry.importing("plotter", "Lettering", ConfigError):
+        from HersheyFonts import HersheyFonts
+    fonts = HersheyFonts()
+    fonts.load_default_font(font)
+    fonts.normalize_rendering(height)
+    strokes = (np.array([*stroke], np.float64) for stroke in fonts.strokes_for_text(text))
+    return [stroke for stroke in strokes if len(stroke) > 1]
