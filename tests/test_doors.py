@@ -111,9 +111,12 @@ def test_a_canvas_has_many_forms(strokes: fp.Strokes) -> None:
 def test_a_brush_has_many_forms(strokes: fp.Strokes) -> None:
     model = load_stroke_model("fine")
     file = Path(inspect.getfile(load_stroke_model)).with_name("fine.safetensors")
-    first, *others = (fp.render_strokes(strokes, brush, torch.ones(3, 45, 60), "12x9cm") for brush in
-                      ("fine", file, str(file), model))  # fmt: skip
-    assert all(torch.equal(first, other) for other in others)
+    bare = torch.ones(3, 45, 60)
+    fast, *tables = (fp.render_strokes(strokes, brush, bare, "12x9cm") for brush in ("fine", file, str(file)))
+    assert all(torch.equal(fast, table) for table in tables)
+    exact = fp.render_strokes(strokes, "fine", bare, "12x9cm", exact=True)
+    assert torch.equal(exact, fp.render_strokes(strokes, model, bare, "12x9cm"))
+    assert 0 < float((fast - exact).abs().mean()) < 0.01
     with pytest.raises(WeightsError, match=r"A int .* has no brush"):
         fp.render_strokes(strokes, 3, torch.ones(3, 45, 60), "12x9cm")  # type: ignore[arg-type]
 

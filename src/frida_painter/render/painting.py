@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.util import find_spec
 from itertools import chain
 from pathlib import Path
@@ -13,8 +14,8 @@ from PIL import Image
 from torch import Tensor, nn
 
 from frida_painter.brush.kinds import CoverageSpread, StrokeModel, growth_of, spread_of
-from frida_painter.brush.table import StrokeTable
-from frida_painter.brush.weights import AnyBrush, load_models_of, load_stroke_model
+from frida_painter.brush.table import StrokeTable, cached_table
+from frida_painter.brush.weights import AnyBrush, load_models_of, load_stroke_model, weights_of
 from frida_painter.canvas_size import AnyCanvas, CanvasSize
 from frida_painter.errors import ConfigError, PlanError
 from frida_painter.frames import ALL_ROWS, PixelGrid, Rows, pixel_to_map, scale_maps
@@ -120,14 +121,21 @@ def render(
 
 
 def render_strokes(
-    strokes: Strokes, stroke_model: AnyBrush, canvas: AnyPicture, size: AnyCanvas, rows: Rows = ALL_ROWS
+    strokes: Strokes,
+    stroke_model: AnyBrush,
+    canvas: AnyPicture,
+    size: AnyCanvas,
+    rows: Rows = ALL_ROWS,
+    *,
+    exact: bool = False,
 ) -> Tensor:
     """Renders strokes on a canvas and returns the picture that they leave, [3, H, W].
 
-    stroke_model: brush, such as "broad"
+    stroke_model: brush, such as "broad", or a model, which is asked itself
     canvas: picture of the canvas before the strokes; it sets the resolution
     size: size of the canvas, such as "14x11in"
     rows: rows to render, by default all. The result then has only these rows.
+    exact: True to ask the network of a named brush, some hundred times slower than its table
 
     Differentiable in the seven parameters of each stroke and in the canvas. It is computed in the precision of the
     stroke model. Raises ImageError, ConfigError and WeightsError.
@@ -140,9 +148,22 @@ def render_strokes(
         >>> picture.shape, bool(color.grad.min() > 0)
         (torch.Size([3, 90, 120]), True)
     """
-    model, below = load_stroke_model(stroke_model), as_picture(canvas)
+    model, below = _find_model(stroke_model, exact), as_picture(canvas)
     kind = _precision_of(model, below.dtype)
     return render(strokes.to(kind), model, below.to(kind), CanvasSize.of(size), rows)
+
+
+def _find_model(brush: AnyBrush, exact: bool) -> StrokeModel:
+    """Returns the stroke model of a brush; of a name or a file, unless `exact`, the table that the planner uses."""
+    if exact or not isinstance(brush, str | Path):
+        return load_stroke_model(brush)
+    return _read_table(str(brush), *(path.stat().st_mtime_ns for path in weights_of(str(brush)) if path.exists()))
+
+
+@cache
+def _read_table(brush: str, *changed: int) -> StrokeTable:
+    """Returns the table of a brush. changed: times at which its files of weights changed."""
+    return cached_table(load_stroke_model(brush))
 
 
 def _precision_of(model: StrokeModel, default: torch.dtype) -> torch.dtype:
@@ -171,10 +192,11 @@ def render_batch(
     *,
     rows: int = 256,
     ground: AnyColor | AnyPicture = "white",
+    exact: bool = False,
 ) -> RenderedBatch:
     """Renders strokes, or each of several lists of strokes, on a canvas: picture, variance and coverage.
 
-    brush: name, file of weights or stroke model
+    brush, exact: as in `render_strokes`
     strokes: one list of strokes, or a list of them, which may differ in length
     canvas: size of the canvas
     rows: height of the pictures in pixels, from 16 to 10000
@@ -189,7 +211,7 @@ def render_batch(
         >>> one.picture.shape, several.variance.shape, float(several.alpha[1].max())
         (torch.Size([3, 90, 120]), torch.Size([2, 90, 120]), 0.0)
     """
-    model, size = load_stroke_model(brush), CanvasSize.of(canvas)
+    model, size = _find_model(brush, exact), CanvasSize.of(canvas)
     if not isinstance(strokes, Strokes):
         if not strokes or not all(isinstance(one, Strokes) for one in strokes):
             raise PlanError("A batch of strokes is a list of Strokes, and at least one; give [strokes, strokes].")
