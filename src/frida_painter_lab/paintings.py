@@ -245,7 +245,8 @@ class Comparison(Experiment):
                 case Planned(done=done, expected=picture):
                     expected[done] = picture
                 case TimelapseFrame(photograph=photograph, done=done, of=of) if done < of:
-                    expected[done] = opened.planner.expected(plan.part(slice(done, None)), photograph)
+                    seen = images.from_uint8(photograph)
+                    expected[done] = opened.planner.expected(plan.part(slice(done, None)), seen)
                 case Looked(photograph=photograph, done=done) if done == len(plan):
                     expected[done] = images.fit(photograph, *planned.shape[1:])
                 case _:

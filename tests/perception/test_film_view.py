@@ -2,7 +2,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameRejected
@@ -11,6 +10,7 @@ from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import rectify
 from frida_painter.session.observer import FilmView
+from frida_painter.system.images import from_uint8
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.studio import StudioSettings, open_studio
 
@@ -38,7 +38,7 @@ def photographed(camera: CameraSpec):
 
 @pytest.mark.parametrize("rows", [54, 90, 216, 400])  # coarser than the photograph, as fine, and finer
 @pytest.mark.parametrize("camera", CAMERAS)
-def test_a_picture_for_the_film_is_within_1_of_255_of_one_by_which_things_are_decided(camera, rows):
+def test_a_picture_for_the_film_is_within_2_of_255_of_one_by_which_things_are_decided(camera, rows):
     calibration, bare, painted = photographed(CAMERAS[camera])
     calibration = replace(calibration, color=COLOR)
     grid = PixelGrid.of_height(CANVAS, rows)
@@ -46,10 +46,9 @@ def test_a_picture_for_the_film_is_within_1_of_255_of_one_by_which_things_are_de
     view = FilmView(calibration, light, grid)
     for photograph in (bare, painted, 255 - painted):
         wanted = true_color(light.correct(rectify(photograph, calibration, grid)), calibration)
-        got = view.picture(photograph)
-        assert got.shape == wanted.shape and got.dtype == torch.float32 and got.is_contiguous()
-        assert float(got.min()) >= 0 and float(got.max()) <= 1
-        assert float((got - wanted).abs().max()) < 1 / 255
+        got = from_uint8(view.picture(photograph))
+        assert got.shape == wanted.shape
+        assert float((got - wanted).abs().max()) < 2 / 255
 
 
 def test_it_fits_one_calibration_one_light_and_one_grid_and_refuses_what_rectify_refuses():

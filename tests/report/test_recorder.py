@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.errors import StorageError
@@ -40,6 +41,10 @@ def picture(shade: float, rows: int = 40, columns: int = 60) -> Tensor:
     return torch.full((3, rows, columns), shade)
 
 
+def frame(done: int) -> NDArray[np.uint8]:
+    return images.to_uint8(picture(0.9 - 0.05 * done, 54, 80))
+
+
 def moved(plan: Plan) -> Plan:
     """The plan made again: the same paints, other places."""
     strokes = plan.strokes.with_groups(position=plan.strokes.position * 0.9 + 0.01).project(LIMITS, CANVAS)
@@ -57,13 +62,13 @@ def an_evening() -> list[Event]:
     for done in range(1, 7):
         events.append(StrokePainted(done, 12, BLACK))
         if done % 3 == 0:
-            events.append(TimelapseFrame(done, 12, BLACK, photograph=picture(0.9 - 0.05 * done, 54, 80)))
+            events.append(TimelapseFrame(done, 12, BLACK, photograph=frame(done)))
     events += [Looked(6, photograph=picture(0.7, 80, 120), expected=picture(0.6)), PlanningStep("replan", 1, 1, 0.35)]
     events += [Planned(6, 6, 0.4, 0.3, plan=SECOND, expected=picture(0.5)), Dipped(1, True)]
     for done in range(7, 13):
         events.append(StrokePainted(done, 12, BLACK))
         if done % 3 == 0:
-            events.append(TimelapseFrame(done, 12, BLACK, photograph=picture(0.9 - 0.05 * done, 54, 80)))
+            events.append(TimelapseFrame(done, 12, BLACK, photograph=frame(done)))
     return [*events, Looked(12, photograph=picture(0.4, 80, 120), expected=picture(0.45))]
 
 

@@ -60,7 +60,7 @@ def test_frames_are_told_in_order_by_whoever_takes_them_and_none_is_lost_where_p
     told: list[tuple[int, int]] = []
 
     def hear(event: Event) -> None:
-        assert isinstance(event, TimelapseFrame) and event.photograph.shape[1] == TIMELAPSE_ROWS
+        assert isinstance(event, TimelapseFrame) and len(event.photograph) == TIMELAPSE_ROWS
         told.append((event.done, threading.get_ident()))
 
     with pytest.raises(ConfigError), FrameDeveloper(looking, hear) as frames:

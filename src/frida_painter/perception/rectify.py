@@ -142,7 +142,7 @@ def _refuse_impossible(matrix: NDArray[np.float64], places: NDArray[np.float64])
 
 
 _DARKEST = 0.01  # linear light of the brightest part; the canvas may be black, but not everything around it
-_BRIGHTEST, _APART = 0.99, 4  # quantile for the brightest part, and step between the tested pixels
+_BRIGHTEST, _APART = 0.01, 4  # share of the brightest part, and step between the tested pixels
 _MAX_OVERLAP = 2.0
 _RIM = 1.0  # pixels of the photograph; a corner is known to about half a pixel
 _FINEST = 8
@@ -161,8 +161,8 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     fineness = _fineness(calibration, grid)
     rows, columns = grid.rows * fineness, grid.columns * fineness
     to_photograph = _to_photograph(calibration, rows, columns)
+    require_some_light(photograph)
     photographed = light_of_bytes(photograph)
-    require_some_light(photographed)
     if calibration.lens is None:
         way = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         size = columns, rows
@@ -202,9 +202,9 @@ def sampling_places(calibration: Calibration, grid: PixelGrid) -> tuple[NDArray[
     return np.ascontiguousarray(column[inside]), np.ascontiguousarray(row[inside])
 
 
-def require_some_light(light: NDArray[np.float32]) -> None:
-    """Raises FrameRejected if a photograph, linear light [H, W, 3], is dark."""
-    if not float(np.quantile(light[::_APART, ::_APART], _BRIGHTEST)) >= _DARKEST:
+def require_some_light(photograph: NDArray[np.uint8]) -> None:
+    """Raises FrameRejected if a photograph [H, W, 3], sRGB bytes, is dark."""
+    if not float((light_of_bytes(photograph[::_APART, ::_APART]) >= _DARKEST).mean()) >= _BRIGHTEST:
         raise FrameRejected("The photograph of the canvas is dark; switch the light on and take the camera's cap off.")
 
 

@@ -9,7 +9,6 @@ from typing import Self
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from torch import Tensor
 
 from frida_painter.errors import ImageError
 from frida_painter.system import images, storage
@@ -107,8 +106,8 @@ class _Stage:
 SKETCHBOOK = "sketchbook"
 
 
-def keep_frame(folder: Path, stroke: int, picture: Tensor) -> str:
-    """Stores the timelapse frame [3, H, W] after a stroke in a painting's folder; returns its name there.
+def keep_frame(folder: Path, stroke: int, picture: NDArray[np.uint8]) -> str:
+    """Stores the timelapse frame [H, W, 3] after a stroke in a painting's folder; returns its name there.
 
     Raises StorageError if the disk is full.
     """
@@ -117,11 +116,11 @@ def keep_frame(folder: Path, stroke: int, picture: Tensor) -> str:
     return f"{SKETCHBOOK}/{path.name}"
 
 
-def kept_frames(folder: Path, painted: int) -> Iterator[tuple[int, Tensor]]:
+def kept_frames(folder: Path, painted: int) -> Iterator[tuple[int, NDArray[np.uint8]]]:
     """Yields the timelapse frames up to stroke `painted` with the numbers of their strokes; skips damaged ones."""
     files = (folder / SKETCHBOOK).glob("glimpse-*.jpg")
     frames = [([int(part) for part in path.stem.split("-")[1:]], path) for path in files]
     for (stroke, *_), path in sorted(frames):
         if stroke <= painted:
             with suppress(ImageError):
-                yield stroke, images.load(path)
+                yield stroke, images.to_uint8(images.load(path))

@@ -242,11 +242,11 @@ class Recorder:
         except StorageError:
             self._left_out += 1
 
-    def _show(self, picture: Tensor, done: float, color: tuple[float, float, float]) -> None:
+    def _show(self, picture: NDArray[np.uint8], done: float, color: tuple[float, float, float]) -> None:
         """Adds a picture at a share of the strokes to the film, unless an earlier write failed."""
         if self._filming:
             try:
-                self._film.add(images.to_uint8(picture), done, color)
+                self._film.add(picture, done, color)
             except StorageError:
                 self._filming = False
                 raise

@@ -184,7 +184,7 @@ class PaintingRun:
         self._process: EaselProcess | None = None
         self._easel: Easel | None = None
         self._record: Calibration | None = None  # as in its file
-        self._seen: Tensor | None = None  # last photographed canvas
+        self._seen: AnyPicture | None = None  # last photographed canvas
         self.session: PaintingSession | None = None
         self._run_record: RunRecord | None = None
         self._before: dict[str, str] = {}  # hashes of the files of a finished painting
@@ -580,7 +580,8 @@ class PaintingRun:
         except (RobotError, CameraError, PaintingPaused, Interrupted) as fault:
             trouble, painting = fault, session.so_far
             if painting is not None:
-                painting = replace(painting, photograph=painting.photograph if self._seen is None else self._seen)
+                seen = painting.photograph if self._seen is None else images.as_picture(self._seen)
+                painting = replace(painting, photograph=seen)
                 self.report(events.Stopped())
         if painting is not None and painting.rest is not None:  # else there is no plan, and nothing to finish
             self.report(events.Began("results"))

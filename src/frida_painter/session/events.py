@@ -28,6 +28,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, dataclass_trans
 from pydantic import Field, TypeAdapter
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
     from torch import Tensor
 
     from frida_painter.strokes.plan import Plan
@@ -366,13 +368,13 @@ class CanvasPicture(Durable):
 
 
 class TimelapseFrame(Event):
-    """Rectified photograph for the film, [3, H, W], and its file."""
+    """Rectified photograph for the film, sRGB bytes [H, W, 3], and its file."""
 
     done: int
     of: int
     color: tuple[float, float, float]
     picture: str | None = None
-    photograph: Tensor = live()
+    photograph: NDArray[np.uint8] = live()
 
 
 class Looked(Event):

@@ -26,6 +26,7 @@ from frida_painter.perception.rectify import rectify, require_photograph, requir
 from frida_painter.session.events import Notify, StrokePainted, TimelapseFrame
 from frida_painter.strokes.palette import to_lab
 from frida_painter.strokes.plan import WHITE
+from frida_painter.system import images
 from frida_painter.system.images import light_of_bytes, to_srgb
 
 # Start of a painting: on a bare canvas, on a toned one, or on a canvas with a painting.
@@ -89,12 +90,10 @@ class CanvasStart:
         return light
 
 
-# Canvas pictures for the film: `rectify`, `FlatField.correct` and `true_color` in one pass.
+# Canvas pictures for the film: `rectify`, `FlatField.correct` and `true_color` in one pass, to bytes.
 #
 # Film frames decide nothing, so they need not be exactly equal. Sampling positions and light are computed once for
 # all frames of a camera.
-
-_TONES = 1 << 16  # of linear light; the coarsest step, in the dark, is 0.05/255
 
 
 class FilmView:
@@ -102,36 +101,37 @@ class FilmView:
 
     def __init__(self, calibration: Calibration, light: FlatField, grid: PixelGrid) -> None:
         self.calibration, self.light, self.grid = calibration, light, grid
-        self._column, self._row = sampling_places(calibration, grid)
+        column, row = sampling_places(calibration, grid)
+        left, top = max(0, int(column.min())), max(0, int(row.min()))
+        self._part = np.s_[top : int(row.max()) + 2, left : int(column.max()) + 2]  # of the photograph
+        self._places = column - np.float32(left), row - np.float32(top)
+        self._seen, self._true = (np.empty((*column.shape, 3), np.float32) for _ in range(2))
         white = light.light(grid.rows, grid.columns).permute(1, 2, 0)  # [rows, columns, 3]
         self._brighter = np.ascontiguousarray((1 / white).numpy(), np.float32)
         self._affine = np.array(calibration.color, np.float32)  # [3, 4]
         self._light_of_byte = light_of_bytes(np.arange(256, dtype=np.uint8))[None]
-        self._tones = to_srgb(torch.linspace(0, 1, _TONES)).numpy()
+        self._tones = images.to_uint8(to_srgb(torch.linspace(0, 1, 256) ** 2).expand(1, 1, -1)).reshape(1, -1)
 
     def fits(self, calibration: Calibration, light: FlatField, grid: PixelGrid) -> bool:
         """Returns True if the view was made for these inputs."""
         return self.calibration is calibration and self.light is light and self.grid == grid
 
-    def picture(self, photograph: NDArray[np.uint8]) -> Tensor:
-        """Returns the canvas [3, rows, columns] in a photograph [H, W, 3] of sRGB bytes.
+    def picture(self, photograph: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Returns the canvas [rows, columns, 3] in a photograph [H, W, 3], both in true sRGB bytes.
 
-        The result is true sRGB in [0, 1], float32. It differs from `true_color(light.correct(rectify(...)))` by
-        less than 1/255.
+        It differs from `true_color(light.correct(rectify(...)))` by less than 2/255.
         Raises FrameRejected like `rectify`.
         """
         require_photograph(photograph, self.calibration)
-        light = np.asarray(cv2.LUT(photograph, self._light_of_byte), np.float32)
-        require_some_light(light)
-        seen = cv2.remap(light, self._column, self._row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        require_some_light(photograph)
+        light = cv2.LUT(photograph[self._part], self._light_of_byte)
+        seen = cv2.remap(light, *self._places, cv2.INTER_LINEAR, self._seen, cv2.BORDER_REPLICATE)
         if seen.shape[:2] != (self.grid.rows, self.grid.columns):
             seen = cv2.resize(seen, (self.grid.columns, self.grid.rows), interpolation=cv2.INTER_AREA)
-        even = np.asarray(seen, np.float32)
-        np.clip(np.multiply(even, self._brighter, out=even), 0, 1, out=even)
-        true = np.asarray(cv2.transform(even, self._affine), np.float32)
-        np.clip(true, 0, 1, out=true)
-        tones = self._tones[(true * (_TONES - 1) + 0.5).astype(np.uint16)]
-        return torch.from_numpy(np.ascontiguousarray(tones.transpose(2, 0, 1)))
+        even = np.asarray(cv2.multiply(seen, self._brighter, dst=seen))
+        true = np.asarray(cv2.transform(np.minimum(even, 1, out=even), self._affine, dst=self._true))
+        roots = cv2.sqrt(np.maximum(true, 0, out=true), dst=true)  # in bytes, they are as fine as sRGB
+        return np.asarray(cv2.LUT(cv2.convertScaleAbs(roots, alpha=255), self._tones), np.uint8)
 
 
 PHOTOGRAPH_ROWS = 864
@@ -206,14 +206,16 @@ class CanvasObserver:
         """
         return self.see(self.photograph(last_motion).image, rows)
 
-    def film(self, photograph: NDArray[np.uint8], rows: int) -> Tensor:
-        """Returns the canvas in a photograph for the film, within 1/255 of `see`, but faster; not for decisions.
+    def film(self, photograph: NDArray[np.uint8], rows: int) -> NDArray[np.uint8]:
+        """Returns the canvas in a photograph for the film, sRGB bytes [rows, columns, 3]; not for decisions.
+
+        It is within 2/255 of `see`, but faster.
 
         Raises FrameRejected like `see`.
         """
         calibration = self.easel.calibration
         if self.light is None:  # `see` learns it
-            return self.see(photograph, rows)
+            return images.to_uint8(self.see(photograph, rows))
         grid = PixelGrid.of_height(self.easel.canvas, rows)
         if self._film_view is None or not self._film_view.fits(calibration, self.light, grid):
             self._film_view = FilmView(calibration, self.light, grid)
@@ -322,7 +324,7 @@ class FrameDeveloper:
     def __init__(self, observer: CanvasObserver, notify: Notify) -> None:
         self._observer, self._notify = observer, notify
         self._thread = ThreadPoolExecutor(1, "timelapse")
-        self._in_hand: tuple[StrokePainted, Future[Tensor]] | None = None
+        self._in_hand: tuple[StrokePainted, Future[NDArray[np.uint8]]] | None = None
 
     def take(self, painted: StrokePainted, last_motion: float) -> None:
         """Takes a photograph after a stroke, with the arm at home since `last_motion`.

@@ -153,4 +153,4 @@ class ExpectedFrames(FrameDeveloper):
         since = plan.part([index for index in range(done, painted.done) if index not in progress.canvas.left_out])
         frame = paint_on_paper(since, planner.models, frame, TIMELAPSE_ROWS)
         self._shown = known, frame, painted.done
-        self._notify(TimelapseFrame(painted.done, painted.of, painted.color, photograph=frame))
+        self._notify(TimelapseFrame(painted.done, painted.of, painted.color, photograph=images.to_uint8(frame)))

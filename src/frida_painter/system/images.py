@@ -88,10 +88,11 @@ def save(image: AnyPicture, path: str | Path) -> None:
         torch.Size([3, 48, 64])
     """
     path = Path(path)
-    picture = Image.fromarray(to_uint8(as_picture(image)))
+    is_bytes = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3
+    picture = Image.fromarray(image if is_bytes else to_uint8(as_picture(image)))
     with storage.replacing(path) as temporary:
         if path.suffix.lower() in (".jpg", ".jpeg"):
-            picture.save(temporary, format="JPEG", quality=_JPEG_QUALITY, subsampling=0, optimize=True)
+            picture.save(temporary, format="JPEG", quality=_JPEG_QUALITY, subsampling=0)
         else:
             picture.save(temporary, format="PNG", compress_level=_PNG_LEVEL)
 
@@ -121,7 +122,8 @@ def load_exactly(path: Path) -> NDArray[np.uint8]:
 
 def to_uint8(image: Tensor) -> NDArray[np.uint8]:
     """Converts sRGB [3, H, W] in [0, 1] to bytes [H, W, 3], the format of cameras, films and files."""
-    return (image.detach().clamp(0, 1) * 255).round().to(torch.uint8).permute(1, 2, 0).contiguous().cpu().numpy()
+    rounded = (image.detach() * 255).round_().clamp_(0, 255)
+    return rounded.to(torch.uint8).permute(1, 2, 0).contiguous().cpu().numpy()
 
 
 def from_uint8(pixels: NDArray[np.uint8]) -> Tensor:

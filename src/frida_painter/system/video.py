@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from frida_painter.errors import StorageError
 from frida_painter.system import storage
 
-RATE = 24
+RATE, MIN_RATE = 24, 8
+"""Frames per second of a film of motions, and at least of any film: below it, players answer late."""
 # Without colour tags browsers show slightly wrong colours. faststart puts the index first.
 _ENCODING = (
-    *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p", "-r", str(RATE)),
+    *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p"),
     *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"),
     *("-c:v", "libx264", "-preset", "veryfast", "-crf", "20", "-g", "60", "-movflags", "+faststart"),
 )
@@ -40,10 +41,11 @@ class VideoEncoder:
         temporary = self._file.enter_context(storage.replacing(path))
         self._said = self._file.enter_context(tempfile.TemporaryFile())  # noqa: SIM115
         arriving = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{columns}x{rows}", "-r", f"{rate:.4f}", "-i", "-")
+        leaving = ("-r", f"{max(rate, MIN_RATE):.4f}")
         try:
             # In a separate process group it does not receive Ctrl-C, so the film can still be finished.
             self._process = subprocess.Popen(
-                (imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *arriving, *_ENCODING, str(temporary)),
+                (imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y", *arriving, *_ENCODING, *leaving, str(temporary)),
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=self._said,
