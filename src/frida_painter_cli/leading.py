@@ -85,7 +85,7 @@ class Leader:
             stop_asked=lambda: stop.asked,
             pause_cause=self._pause_cause,
             go_on=self._go_on,
-            mixed=wells.fill,
+            mixed=wells.fill if asks_for_paints else run.controls.mixed,
             answer=self._answer if asked else None,
             paint_on=self._paint_on,
             repaint=self._repaints,

@@ -170,11 +170,22 @@ class PaintSet:
             )
         if most not in self._mixers:
             self._mixers[most] = _Mixer(self, min(most, len(self.paints)))
-        return [self._mixers[most].recipe(color) for color in colors.double()]
+        mixer, found = self._mixers[most], []
+        for color in colors.double():
+            asked = most, *color.tolist()
+            if asked not in self._found:
+                self._found[asked] = mixer.recipe(color)
+            found.append(self._found[asked])
+        return found
 
     @functools.cached_property
     def _mixers(self) -> "dict[int, _Mixer]":
         """Searches with their mixtures, by the largest number of paints."""
+        return {}
+
+    @functools.cached_property
+    def _found(self) -> dict[tuple[float, ...], Recipe]:
+        """Recipes, by the largest number of paints and the colour; a planner and its sheets ask for the same ones."""
         return {}
 
 
@@ -281,11 +292,12 @@ class _Mixer:
 
     def _every(self, paints: tuple[int, ...]) -> _Mixtures:
         """Returns all easy mixtures of a combination of paints."""
-        if paints not in self._kept:
-            if len(self._kept) == _KEPT:
-                del self._kept[next(iter(self._kept))]
-            self._kept[paints] = self._mix(self._parts(_EVERY_LEVEL, [paints]))
-        return self._kept[paints]
+        found = self._kept.get(paints)
+        if found is None:
+            if len(self._kept) >= _KEPT:
+                self._kept.pop(next(iter(self._kept)), None)  # another thread may have taken it
+            found = self._kept[paints] = self._mix(self._parts(_EVERY_LEVEL, [paints]))
+        return found
 
     def _parts(self, levels: tuple[int, ...], combinations: list[tuple[int, ...]]) -> Tensor:
         """Returns all mixtures [m, n] of combinations of paints at these levels in lowest terms, of easy size."""

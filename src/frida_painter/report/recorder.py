@@ -52,6 +52,7 @@ class Description:
     frames: expected number of the film's frames
     has_camera: False if no camera looks at the canvas, so that the film shows what is expected
     owned: paints for the recipes; None for six common acrylics
+    is_mixed: False if nobody mixes paints, so that the recipes are only needed at the end
     """
 
     title: str
@@ -61,6 +62,7 @@ class Description:
     frames: int
     has_camera: bool = True
     owned: PaintSet | None = None
+    is_mixed: bool = True
 
 
 class Recorder:
@@ -88,7 +90,7 @@ class Recorder:
         self._in_hand: Future[None] | None = None  # the timelapse frame in progress
 
     def __enter__(self) -> Self:
-        self._sheets = RecipeSheets(self.folder, self.described.owned)
+        self._sheets = RecipeSheets(self.folder, self.described.owned, at_end=not self.described.is_mixed)
         self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot goes on painting
         self._film = FilmWriter(self.folder / "film.mp4", self.described.frames)
         if self.described.target is not None:

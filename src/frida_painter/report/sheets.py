@@ -18,7 +18,7 @@ from frida_painter.errors import StorageError
 from frida_painter.hardware.motion import STIR_RADIUS
 from frida_painter.hardware.robot import BrushRack, Point, Workspace
 from frida_painter.mixing.paint import Paint, usual_paints
-from frida_painter.mixing.recipe import GOOD, REACHED, PaintSet, Recipe
+from frida_painter.mixing.recipe import GOOD, REACHED, PaintSet
 from frida_painter.mixing.shopping import DROP, MIN_MIXED, RESERVE, BrushPaints, Mixture, paints_by_brush, supplies
 from frida_painter.report.story import PaintFacts, paints
 from frida_painter.strokes.palette import Palette, to_hex, to_lab
@@ -501,11 +501,15 @@ def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, heig
 
 
 class RecipeSheets:
-    """Writer of the palette sheets, the mixing sheet and the shopping list, for the person at the wells."""
+    """Writer of the palette sheets, the mixing sheet and the shopping list, for the person at the wells.
 
-    def __init__(self, folder: Path, paints: PaintSet | None = None) -> None:
+    at_end: True if nobody mixes while the painting is made, so that only the sheets of its last plan are written
+    """
+
+    def __init__(self, folder: Path, paints: PaintSet | None = None, *, at_end: bool = False) -> None:
         self._folder, self._owned = folder, paints or PaintSet(usual_paints())
-        self._known: dict[tuple[float, ...], Recipe] = {}
+        self._at_end = at_end
+        self._last: Plan | None = None  # of a painting that is not at its end
         self._paints: tuple[BrushPaints, ...] = ()
         self._thread = ThreadPoolExecutor(1, "recipes")
         self._begun: list[Future[object]] = []
@@ -515,10 +519,16 @@ class RecipeSheets:
 
         before: paints whose palette sheets exist already
         """
-        self._begun.append(self._thread.submit(self.write, plan, before))
+        if self._at_end:
+            self._last = plan
+        else:
+            self._begun.append(self._thread.submit(self.write, plan, before))
 
     def finish(self) -> tuple[tuple[BrushPaints, ...], int]:
         """Waits for the end; returns the last plan's paints by brush, and the number of plans without disk space."""
+        last, self._last = self._last, None
+        if last is not None:
+            self._begun.append(self._thread.submit(self.write, last))
         self._thread.shutdown()
         troubles = [one.exception() for one in self._begun]
         for trouble in troubles:
@@ -532,10 +542,7 @@ class RecipeSheets:
         before: as for `renew`
         """
         there = [] if before is None else before.color.tolist()
-        colors = [tuple(color) for color in plan.palette.color.tolist()]
-        unknown = sorted(set(colors) - set(self._known))
-        self._known |= dict(zip(unknown, self._owned.mix(plan.palette.color.new_tensor(unknown)), strict=True))
-        self._paints = paints_by_brush(plan, [self._known[color] for color in colors])
+        self._paints = paints_by_brush(plan, self._owned.mix(plan.palette.color))
         for layer, part in plan.by_wells():
             if all(color in there for color in part.palette.color.tolist()):
                 continue

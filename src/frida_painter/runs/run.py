@@ -505,7 +505,8 @@ class PaintingRun:
         return easel
 
     def _recorder(self) -> Recorder:
-        recorder = open_recorder(self.spec, self.target, self.planner, self.folder, self.painting)
+        mixed = not self.spec.simulated or self.controls.mixed is not None
+        recorder = open_recorder(self.spec, self.target, self.planner, self.folder, self.painting, is_mixed=mixed)
         self.keepers.insert(0, recorder.hear)
         return recorder
 

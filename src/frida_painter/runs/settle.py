@@ -171,12 +171,13 @@ def replan_policy(spec: RunSpec, layers: tuple[int, ...] = ()) -> ReplanPolicy:
 
 
 def open_recorder(
-    spec: RunSpec, target: Tensor | None, planner: Planner, folder: Path, state: PaintingState
+    spec: RunSpec, target: Tensor | None, planner: Planner, folder: Path, state: PaintingState, *, is_mixed: bool
 ) -> Recorder:
     """Returns the recorder of the painting's folder.
 
     target [3, H, W]: goal picture.
     state: of the painting, with its earlier sittings.
+    is_mixed: False if nobody mixes paints while the painting is made.
     """
     encoders, first = planner.encoders, next(iter(spec.goal), None)
     kind = easel_kind(spec.robot)
@@ -203,8 +204,9 @@ def open_recorder(
         "remarks": list(encoders.remarks),
         **spec.record(),
     }
-    owned = paints_for_recipes(spec)
-    described = Description(spec.heading, target, facts, settings, spec.film_length, spec.has_camera, owned)
+    owned = planner.materials.paints or paints_for_recipes(spec)  # the planner's know most of the recipes
+    film = spec.film_length, spec.has_camera
+    described = Description(spec.heading, target, facts, settings, *film, owned, is_mixed)
     return Recorder(folder, described, planner.models, state)
 
 
