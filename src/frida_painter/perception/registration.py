@@ -8,9 +8,9 @@ the verdict.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cache
+from functools import cache, cached_property
 from typing import Self
 
 import cv2
@@ -341,6 +341,7 @@ class _Scene:
     rim: Pixels
     grain: Pixels
     pitch: float
+    _known: dict[tuple[CanvasShift, float], Pixels] = field(default_factory=dict, init=False)  # misfits
 
     def coarser(self) -> "_Scene":
         """Returns the scene with half as many rows and columns."""
@@ -354,14 +355,16 @@ class _Scene:
 
     def misfit(self, motion: CanvasShift, noise: float = _NOISE) -> Pixels:
         """Returns the misfit of each pixel for a motion: [rows, columns] in [0, 1]."""
-        expected, canvas, known, touched = self._move(motion)
-        misfit = _misfit(self.seen - expected, noise, self.grain)
-        on_table = canvas <= 0.5
-        lies_still = on_table & (self.canvas <= 0.5)  # the table may stay while the canvas moves
-        of_still = _misfit(self.seen[lies_still] - self.expected[lies_still], noise, self.grain[lies_still])
-        misfit[lies_still] = np.minimum(misfit[lies_still], of_still)
-        misfit = np.where(~on_table & (touched > 0), np.minimum(misfit, self.as_paint), misfit)
-        return np.asarray(misfit * (known > 0.99), np.float32)
+        if (motion, noise) not in self._known:
+            expected, canvas, known, touched, _ = self._move(motion)
+            misfit = _misfit(self.seen - expected, noise, self.grain)
+            on_table = canvas <= 0.5
+            lies_still = on_table & (self.canvas <= 0.5)  # the table may stay while the canvas moves
+            of_still = self.misfit(CanvasShift(), noise) if motion != CanvasShift() else misfit
+            np.minimum(misfit, of_still, out=misfit, where=lies_still)
+            np.minimum(misfit, self.as_paint, out=misfit, where=~on_table & (touched > 0))
+            self._known[motion, noise] = misfit * (known > 0.99)
+        return self._known[motion, noise]
 
     def refine(self, motion: CanvasShift, noises: tuple[float, ...], *, grows: bool = True) -> CanvasShift:
         """Returns the best motion near `motion`.
@@ -373,21 +376,19 @@ class _Scene:
         step = np.array([0.3 * self.pitch, 0.3 * self.pitch, 0.5 * self.pitch / 0.2, 0.5 * self.pitch / 0.2])
         loose = np.diag(step**-2) * 1e-3
         for noise in noises:
-            expected, _, known, touched = self._move(motion)
+            expected, _, known, touched, rim = self._move(motion)
             off = self.seen - expected
             weight = (noise**2 / (_mean_square(off) + noise**2)) ** 2 * (known > 0.99)
-            weight[(touched > 0) & (self._warp(self.rim, motion) < 0.5)] = 0
-            slope = np.zeros((*off.shape, 4), np.float32)
+            weight[(weight <= 1e-4) | ((touched > 0) & (rim < 0.5))] = 0
+            slope = np.zeros((4, *off.shape), np.float32)
             for number in range(4 if grows else 3):
                 change = np.zeros(4)
                 change[number] = step[number]
-                slope[..., number] = self._warp(self.expected, CanvasShift.of(motion.values + change)) - expected
-            slope[weight <= 0] = 0
-            chosen = weight > 1e-4
-            j, r, w = slope[chosen], off[chosen], weight[chosen]
-            weighted = j * w[:, None, None]
-            normal = np.einsum("pci,pcj->ij", weighted, j).astype(np.float64) + loose * step[:, None] * step
-            pull = np.einsum("pci,pc->i", weighted, r).astype(np.float64)
+                further = self._warp(self.expected, CanvasShift.of(motion.values + change))
+                np.subtract(further, expected, out=slope[number])
+            weighted = (slope * weight[..., None]).reshape(4, -1)
+            normal = (weighted @ slope.reshape(4, -1).T).astype(np.float64) + loose * step[:, None] * step
+            pull = (weighted @ off.reshape(-1)).astype(np.float64)
             motion = CanvasShift.of(motion.values + np.linalg.solve(normal, pull) * step)
         return motion
 
@@ -403,12 +404,14 @@ class _Scene:
         loud = np.tanh(voices / (_LOUD * side))
         return float(loud.sum() / math.sqrt((loud**2).sum() + (_FAINT / _LOUD) ** 2))
 
-    def _move(self, motion: CanvasShift) -> tuple[Pixels, Pixels, Pixels, Pixels]:
-        """Returns what is expected, the canvas, what can be compared, and the new strokes, after a motion."""
-        expected, canvas, known, touched = (
-            self._warp(each, motion) for each in (self.expected, self.canvas, self.known, self.touched)
-        )
-        return expected, canvas, known * (self.known > 0.99), touched
+    @cached_property
+    def _masks(self) -> Pixels:
+        return np.stack((self.canvas, self.known, self.touched, self.rim), -1)
+
+    def _move(self, motion: CanvasShift) -> tuple[Pixels, Pixels, Pixels, Pixels, Pixels]:
+        """Returns what is expected, canvas, what can be compared, new strokes, and those in the rim, after a motion."""
+        canvas, known, touched, rim = np.moveaxis(self._warp(self._masks, motion), -1, 0)
+        return self._warp(self.expected, motion), canvas, known * (self.known > 0.99), touched, rim
 
     def _warp(self, picture: Pixels, motion: CanvasShift) -> Pixels:
         rows, columns = self.canvas.shape
