@@ -135,7 +135,7 @@ def test_a_painting_from_the_command_line_leaves_everything_in_its_folder(
     assert result["settings"]["photo"] == photo.name and result["title"] == "A cup of coffee"
     assert len(Plan.load(folder)) == 9
     with Image.open(folder / "painting.png") as painting, Image.open(folder / "card.jpg") as card:
-        assert max(painting.size) >= 3000 and max(card.size) >= 1500
+        assert max(painting.size) >= 1417 and max(card.size) >= 1500, "120 mm at 300 dpi"
     with Image.open(folder / "canvas.png") as canvas:
         assert canvas.size == (1152, 864)
     with Image.open(folder / "plan.png") as plan:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from frida_painter.virtual.studio import StudioSettings, VirtualStudio
 
 PAPER = CanvasSize(0.42, 0.297)
-PRINT = 3000
-"""Least pixels of the longer side of the print of a painting."""
+PRINT, PRINT_DENSITY = 3000, 300 / 0.0254
+"""Least pixels of the longer side of the print of a painting; fewer if so many pixels a metre, 300 dpi, are enough."""
 
 
 def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[VirtualStudio, Easel]":
@@ -36,7 +36,9 @@ def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Vi
     same = {name: getattr(wanted, name) for name in ("placement_error", "pace", "faults")}
     settings = StudioSettings(**{"arm": arm, **same, "picture": wanted.canvas_picture, **furniture})
     diary = None if order.folder is None else order.folder / SIMULATION_LOG
-    settings = settings if diary is None else replace(settings, print_pixels=PRINT)
+    if diary is not None:
+        enough = round(PRINT_DENSITY * max(order.canvas.width, order.canvas.height))
+        settings = replace(settings, print_pixels=min(PRINT, enough))
     studio = open_studio(order.canvas, own, seed=wanted.seed, settings=settings, state=diary)
     easel = replace(studio.easel, calibration=replace(studio.easel.calibration, color=_true_colors_of(settings.camera)))
     if wanted.canvas_picture is not None:

@@ -99,8 +99,11 @@ def save(image: AnyPicture, path: str | Path) -> None:
 
 def save_exactly(pixels: NDArray[np.uint8], path: Path) -> None:
     """Writes bytes [H, W, 3] as PNG atomically; fast, with little compression. Raises StorageError."""
-    with storage.replacing(path) as temporary:
-        Image.fromarray(pixels).save(temporary, format="PNG", compress_level=1)
+    import cv2
+
+    how = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
+    _, content = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR), how)
+    storage.write_bytes(path, content.tobytes())
 
 
 def load_exactly(path: Path) -> NDArray[np.uint8]:
