@@ -24,7 +24,6 @@ def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Vi
     """Opens the studio with one of its arms; returns it with its easel, which has the order's brush names.
 
     furniture: fields of StudioSettings that replace those of the order or the defaults
-
     Raises ConfigError if the studio has no such brush, PluginError if a stroke model cannot be loaded, and
     StorageError.
     """
@@ -36,9 +35,8 @@ def assemble_easel(order: "EaselOrder", arm: str, **furniture: Any) -> "tuple[Vi
     same = {name: getattr(wanted, name) for name in ("placement_error", "pace", "faults")}
     settings = StudioSettings(**{"arm": arm, **same, "picture": wanted.canvas_picture, **furniture})
     diary = None if order.folder is None else order.folder / SIMULATION_LOG
-    if diary is not None:
-        enough = round(PRINT_DENSITY * max(order.canvas.width, order.canvas.height))
-        settings = replace(settings, print_pixels=min(PRINT, enough))
+    enough = min(PRINT, round(PRINT_DENSITY * max(order.canvas.width, order.canvas.height)))
+    settings = settings if diary is None else replace(settings, print_pixels=enough)
     studio = open_studio(order.canvas, own, seed=wanted.seed, settings=settings, state=diary)
     easel = replace(studio.easel, calibration=replace(studio.easel.calibration, color=_true_colors_of(settings.camera)))
     if wanted.canvas_picture is not None:

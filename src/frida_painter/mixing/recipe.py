@@ -169,23 +169,13 @@ class PaintSet:
                 "1 to 4."
             )
         if most not in self._mixers:
-            self._mixers[most] = _Mixer(self, min(most, len(self.paints)))
-        mixer, found = self._mixers[most], []
-        for color in colors.double():
-            asked = most, *color.tolist()
-            if asked not in self._found:
-                self._found[asked] = mixer.recipe(color)
-            found.append(self._found[asked])
-        return found
+            mixer = _Mixer(self, min(most, len(self.paints)))
+            self._mixers[most] = functools.cache(lambda *color: mixer.recipe(torch.tensor(color, dtype=torch.float64)))
+        return [self._mixers[most](*color) for color in colors.double().tolist()]
 
     @functools.cached_property
-    def _mixers(self) -> "dict[int, _Mixer]":
-        """Searches with their mixtures, by the largest number of paints."""
-        return {}
-
-    @functools.cached_property
-    def _found(self) -> dict[tuple[float, ...], Recipe]:
-        """Recipes, by the largest number of paints and the colour; a planner and its sheets ask for the same ones."""
+    def _mixers(self) -> dict[int, Callable[..., Recipe]]:
+        """Searches by the largest number of paints; a planner and its sheets ask for the same colours."""
         return {}
 
 
@@ -225,7 +215,8 @@ class _Mixer:
         together = min(most, EASY_PAINTS)
         self._combinations = list(itertools.combinations(range(len(owned.paints)), together))
         self._rough = self._mix(self._parts(_LEVELS, self._combinations))
-        self._kept: dict[tuple[int, ...], _Mixtures] = {}  # all easy mixtures of a combination of paints
+        # All easy mixtures of a combination of paints.
+        self._every = functools.lru_cache(_KEPT)(lambda paints: self._mix(self._parts(_EVERY_LEVEL, [paints])))
         lab = to_lab(self._rough.color)
         greyness = lab[:, 1:].norm(dim=1)
         lightness = lab[greyness <= max(_GREY, float(greyness.min())), 0]
@@ -289,15 +280,6 @@ class _Mixer:
         near = [(every := self._every(paints)).cheapest(cost(every), _NEAREST) for paints in best]
         found = functools.reduce(_Mixtures.__add__, near)
         return found.cheapest(cost(found), _NEAREST), best
-
-    def _every(self, paints: tuple[int, ...]) -> _Mixtures:
-        """Returns all easy mixtures of a combination of paints."""
-        found = self._kept.get(paints)
-        if found is None:
-            if len(self._kept) >= _KEPT:
-                self._kept.pop(next(iter(self._kept)), None)  # another thread may have taken it
-            found = self._kept[paints] = self._mix(self._parts(_EVERY_LEVEL, [paints]))
-        return found
 
     def _parts(self, levels: tuple[int, ...], combinations: list[tuple[int, ...]]) -> Tensor:
         """Returns all mixtures [m, n] of combinations of paints at these levels in lowest terms, of easy size."""

@@ -10,7 +10,7 @@ the verdict.
 import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Self
 
 import cv2
@@ -358,11 +358,10 @@ class _Scene:
         if (motion, noise) not in self._known:
             expected, canvas, known, touched, _ = self._move(motion)
             misfit = _misfit(self.seen - expected, noise, self.grain)
-            on_table = canvas <= 0.5
-            lies_still = on_table & (self.canvas <= 0.5)  # the table may stay while the canvas moves
+            lies_still = (canvas <= 0.5) & (self.canvas <= 0.5)  # the table may stay while the canvas moves
             of_still = self.misfit(CanvasShift(), noise) if motion != CanvasShift() else misfit
             np.minimum(misfit, of_still, out=misfit, where=lies_still)
-            np.minimum(misfit, self.as_paint, out=misfit, where=~on_table & (touched > 0))
+            np.minimum(misfit, self.as_paint, out=misfit, where=(canvas > 0.5) & (touched > 0))
             self._known[motion, noise] = misfit * (known > 0.99)
         return self._known[motion, noise]
 
@@ -384,8 +383,7 @@ class _Scene:
             for number in range(4 if grows else 3):
                 change = np.zeros(4)
                 change[number] = step[number]
-                further = self._warp(self.expected, CanvasShift.of(motion.values + change))
-                np.subtract(further, expected, out=slope[number])
+                slope[number] = self._warp(self.expected, CanvasShift.of(motion.values + change)) - expected
             weighted = (slope * weight[..., None]).reshape(4, -1)
             normal = (weighted @ slope.reshape(4, -1).T).astype(np.float64) + loose * step[:, None] * step
             pull = (weighted @ off.reshape(-1)).astype(np.float64)
@@ -466,7 +464,6 @@ def _list_rivals(size: CanvasSize) -> list[CanvasShift]:
 def _find_best(fine: _Scene, size: CanvasSize) -> CanvasShift:
     """Returns the motion that explains most of the photograph, by a coarse-to-fine search."""
 
-    @cache
     def loss(motion: CanvasShift) -> float:
         return float(fine.misfit(motion).sum())
 

@@ -90,7 +90,8 @@ class Recorder:
         self._in_hand: Future[None] | None = None  # the timelapse frame in progress
 
     def __enter__(self) -> Self:
-        self._sheets = RecipeSheets(self.folder, self.described.owned, at_end=not self.described.is_mixed)
+        self._sheets = RecipeSheets(self.folder, self.described.owned)
+        self._renew_sheets = self._sheets.renew if self.described.is_mixed else lambda *plan: None
         self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot goes on painting
         self._film = FilmWriter(self.folder / "film.mp4", self.described.frames)
         if self.described.target is not None:
@@ -133,6 +134,8 @@ class Recorder:
         StorageError.
         """
         self._end_film()
+        if self._plan is not None and not self.described.is_mixed:
+            self._sheets.renew(self._plan)
         self._paints, left_out = self._sheets.finish()
         self._left_out += left_out
         if self._plan is None or self._first_expected is None:
@@ -197,11 +200,11 @@ class Recorder:
         if self._plan is None or event.done == 0:  # a plan for the measured paints replaces the first one
             self._plan, self._first_expected = event.plan, event.expected
             images.save(event.expected, self.folder / "plan.png")
-            self._sheets.renew(event.plan)
+            self._renew_sheets(event.plan)
             return event
         before, self._plan = self._plan, self._plan.part(slice(event.done)).followed_by(event.plan)
         if not torch.equal(before.palette.color, self._plan.palette.color):  # new paints for the next layer
-            self._sheets.renew(self._plan, before.palette)
+            self._renew_sheets(self._plan, before.palette)
         look = self.state.pictures.looks[-1] if self.state.pictures.looks else None
         if look is None or look.done != event.done or look.planned is not None or not look.pictures:
             return event
@@ -222,7 +225,7 @@ class Recorder:
     def _keep_on(self, done: int, plan: Plan, expected: Tensor | None) -> None:
         """Continues the film of an earlier sitting."""
         self._plan = plan
-        self._sheets.renew(plan)
+        self._renew_sheets(plan)
         try:
             self._first_expected = images.load(self.folder / "plan.png")
         except ImageError:

@@ -501,15 +501,10 @@ def _line(sheet: Sheet, paint: PaintFacts, left: int, top: int, width: int, heig
 
 
 class RecipeSheets:
-    """Writer of the palette sheets, the mixing sheet and the shopping list, for the person at the wells.
+    """Writer of the palette sheets, the mixing sheet and the shopping list, for the person at the wells."""
 
-    at_end: True if nobody mixes while the painting is made, so that only the sheets of its last plan are written
-    """
-
-    def __init__(self, folder: Path, paints: PaintSet | None = None, *, at_end: bool = False) -> None:
+    def __init__(self, folder: Path, paints: PaintSet | None = None) -> None:
         self._folder, self._owned = folder, paints or PaintSet(usual_paints())
-        self._at_end = at_end
-        self._last: Plan | None = None  # of a painting that is not at its end
         self._paints: tuple[BrushPaints, ...] = ()
         self._thread = ThreadPoolExecutor(1, "recipes")
         self._begun: list[Future[object]] = []
@@ -519,16 +514,10 @@ class RecipeSheets:
 
         before: paints whose palette sheets exist already
         """
-        if self._at_end:
-            self._last = plan
-        else:
-            self._begun.append(self._thread.submit(self.write, plan, before))
+        self._begun.append(self._thread.submit(self.write, plan, before))
 
     def finish(self) -> tuple[tuple[BrushPaints, ...], int]:
         """Waits for the end; returns the last plan's paints by brush, and the number of plans without disk space."""
-        last, self._last = self._last, None
-        if last is not None:
-            self._begun.append(self._thread.submit(self.write, last))
         self._thread.shutdown()
         troubles = [one.exception() for one in self._begun]
         for trouble in troubles:

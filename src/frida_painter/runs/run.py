@@ -131,7 +131,6 @@ class PaintingRun:
     listeners: receive all events.
     controls: steer the painting.
     state: folder for latched stops.
-
     keepers: keep more pictures of an event, and return the event with their files, before listeners hear it.
     record_may_differ: True if a simulated easel ignores a calibration record of another easel.
     encoders: networks that judge the goal. None: the fetched ones.
@@ -401,9 +400,8 @@ class PaintingRun:
         self._begin_record("plan").finish(plan=plan.digest)
 
     def simulate(self, plan: Plan | None = None, opener: Callable[[EaselOrder], OpenEasel] | None = None) -> Painting:
-        """Paints on the simulated easel in this process and writes nothing: for experiments and sweeps.
+        """Paints, as `start` does, on the simulated easel in this process and writes nothing: for experiments.
 
-        The picture is the same as that of `start`.
         plan: as for `start`.
         opener: opens another simulated easel. None: the usual one of that name.
         Raises ConfigError for a real robot, and for a reopened painting.
@@ -579,10 +577,10 @@ class PaintingRun:
         try:
             painting = paint()
         except (RobotError, CameraError, PaintingPaused, Interrupted) as fault:
-            trouble, painting = fault, session.so_far
+            trouble, painting, seen = fault, session.so_far, self._seen
             if painting is not None:
-                seen = painting.photograph if self._seen is None else images.as_picture(self._seen)
-                painting = replace(painting, photograph=seen)
+                if seen is not None:
+                    painting = replace(painting, photograph=images.as_picture(seen))
                 self.report(events.Stopped())
         if painting is not None and painting.rest is not None:  # else there is no plan, and nothing to finish
             self.report(events.Began("results"))

@@ -176,8 +176,7 @@ def open_recorder(
     """Returns the recorder of the painting's folder.
 
     target [3, H, W]: goal picture.
-    state: of the painting, with its earlier sittings.
-    is_mixed: False if nobody mixes paints while the painting is made.
+    state, is_mixed: of the painting, with its earlier sittings; False if nobody mixes paints meanwhile.
     """
     encoders, first = planner.encoders, next(iter(spec.goal), None)
     kind = easel_kind(spec.robot)
@@ -205,8 +204,7 @@ def open_recorder(
         **spec.record(),
     }
     owned = planner.materials.paints or paints_for_recipes(spec)  # the planner's know most of the recipes
-    film = spec.film_length, spec.has_camera
-    described = Description(spec.heading, target, facts, settings, *film, owned, is_mixed)
+    described = Description(spec.heading, target, facts, settings, spec.film_length, spec.has_camera, owned, is_mixed)
     return Recorder(folder, described, planner.models, state)
 
 

@@ -74,7 +74,6 @@ class PaintingSession:
     """One painting, from a bare canvas or from the point where it broke off, to the last stroke.
 
     notify: receives the events.
-
     Raises PaintingPaused if `go_on` returns False, and RobotError, PlanError and their subclasses. The painting
     stays on the canvas and in the journal.
     """

@@ -101,11 +101,8 @@ class FilmView:
 
     def __init__(self, calibration: Calibration, light: FlatField, grid: PixelGrid) -> None:
         self.calibration, self.light, self.grid = calibration, light, grid
-        column, row = sampling_places(calibration, grid)
-        left, top = max(0, int(column.min())), max(0, int(row.min()))
-        self._part = np.s_[top : int(row.max()) + 2, left : int(column.max()) + 2]  # of the photograph
-        self._places = column - np.float32(left), row - np.float32(top)
-        self._seen, self._true = (np.empty((*column.shape, 3), np.float32) for _ in range(2))
+        self._places = sampling_places(calibration, grid)
+        self._seen = np.empty((*self._places[0].shape, 3), np.float32)
         white = light.light(grid.rows, grid.columns).permute(1, 2, 0)  # [rows, columns, 3]
         self._brighter = np.ascontiguousarray((1 / white).numpy(), np.float32)
         self._affine = np.array(calibration.color, np.float32)  # [3, 4]
@@ -124,12 +121,12 @@ class FilmView:
         """
         require_photograph(photograph, self.calibration)
         require_some_light(photograph)
-        light = cv2.LUT(photograph[self._part], self._light_of_byte)
+        light = cv2.LUT(photograph, self._light_of_byte)
         seen = cv2.remap(light, *self._places, cv2.INTER_LINEAR, self._seen, cv2.BORDER_REPLICATE)
         if seen.shape[:2] != (self.grid.rows, self.grid.columns):
             seen = cv2.resize(seen, (self.grid.columns, self.grid.rows), interpolation=cv2.INTER_AREA)
         even = np.asarray(cv2.multiply(seen, self._brighter, dst=seen))
-        true = np.asarray(cv2.transform(np.minimum(even, 1, out=even), self._affine, dst=self._true))
+        true = np.asarray(cv2.transform(np.minimum(even, 1, out=even), self._affine))
         roots = cv2.sqrt(np.maximum(true, 0, out=true), dst=true)  # in bytes, they are as fine as sRGB
         return np.asarray(cv2.LUT(cv2.convertScaleAbs(roots, alpha=255), self._tones), np.uint8)
 

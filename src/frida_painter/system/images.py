@@ -43,10 +43,7 @@ def _as_planes(pixels: NDArray[np.uint8] | NDArray[np.float32]) -> Tensor:
 
 
 AnyPicture = str | Path | Tensor | NDArray[Any] | Image.Image
-"""Picture as public functions take it.
-
-It is a file, sRGB [3, H, W] in [0, 1] of PyTorch or NumPy, bytes [H, W, 3] of NumPy, or a picture of Pillow.
-"""
+"""Picture of public functions: a file, sRGB [3, H, W] of PyTorch or NumPy, bytes [H, W, 3], or one of Pillow."""
 _ROUNDING = 1e-3  # beyond [0, 1], of pictures that were computed
 
 
@@ -125,8 +122,7 @@ def load_exactly(path: Path) -> NDArray[np.uint8]:
 
 def to_uint8(image: Tensor) -> NDArray[np.uint8]:
     """Converts sRGB [3, H, W] in [0, 1] to bytes [H, W, 3], the format of cameras, films and files."""
-    rounded = (image.detach() * 255).round_().clamp_(0, 255)
-    return rounded.to(torch.uint8).permute(1, 2, 0).contiguous().cpu().numpy()
+    return (image.detach() * 255).round_().clamp_(0, 255).to(torch.uint8).permute(1, 2, 0).contiguous().cpu().numpy()
 
 
 def from_uint8(pixels: NDArray[np.uint8]) -> Tensor:
@@ -137,8 +133,7 @@ def from_uint8(pixels: NDArray[np.uint8]) -> Tensor:
 def fit(image: Tensor, rows: int, columns: int) -> Tensor:
     """Returns the middle of a picture [3, H, W], cropped to the proportions of `rows` x `columns` and resampled to it.
 
-    To shrink, pixels are averaged with a triangular filter that is two new pixels wide. To enlarge, they are
-    interpolated. The result stays in [0, 1].
+    To shrink, pixels are averaged with a triangular filter that is two new pixels wide; to enlarge, interpolated.
     """
     middle = _middle(image, rows, columns)
     if middle.shape[1:] == (rows, columns):
@@ -150,8 +145,7 @@ def fit(image: Tensor, rows: int, columns: int) -> Tensor:
 def resize_by_area(image: Tensor, rows: int, columns: int) -> Tensor:
     """Returns the picture [3, H, W] cropped like `fit`, but each new pixel is the mean of its area.
 
-    This keeps detail that `fit` softens; use it to compare pictures of different sizes. A larger size is
-    interpolated. Not differentiable.
+    It keeps detail that `fit` softens, to compare pictures. A larger size is interpolated. Not differentiable.
     """
     import cv2  # loaded here because few callers need it
 

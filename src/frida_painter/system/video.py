@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from frida_painter.errors import StorageError
 from frida_painter.system import storage
 
-RATE, MIN_RATE = 24, 8
-"""Frames per second of a film of motions, and at least of any film: below it, players answer late."""
+RATE, MIN_RATE = 24, 8  # frames per second of a film of motions, and the least of any film
 # Without colour tags browsers show slightly wrong colours. faststart puts the index first.
 _ENCODING = (
     *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p"),
