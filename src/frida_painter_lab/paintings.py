@@ -244,9 +244,8 @@ class Comparison(Experiment):
                     notify(Progress(_PLANNING + (0.99 - _PLANNING) * done / of, f"{run.words}: painting"))
                 case Planned(done=done, expected=picture):
                     expected[done] = picture
-                case TimelapseFrame(photograph=photograph, done=done, of=of) if done < of:
-                    seen = images.from_uint8(photograph)
-                    expected[done] = opened.planner.expected(plan.part(slice(done, None)), seen)
+                case TimelapseFrame(photograph=shown, done=done, of=of) if done < of:
+                    expected[done] = opened.planner.expected(plan.part(slice(done, None)), images.from_uint8(shown))
                 case Looked(photograph=photograph, done=done) if done == len(plan):
                     expected[done] = images.fit(photograph, *planned.shape[1:])
                 case _:

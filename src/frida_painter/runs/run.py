@@ -131,6 +131,7 @@ class PaintingRun:
     listeners: receive all events.
     controls: steer the painting.
     state: folder for latched stops.
+
     keepers: keep more pictures of an event, and return the event with their files, before listeners hear it.
     record_may_differ: True if a simulated easel ignores a calibration record of another easel.
     encoders: networks that judge the goal. None: the fetched ones.
@@ -473,10 +474,7 @@ class PaintingRun:
             return RunOutcome(self.folder, painting, page, similarity=recorder.similarity)
 
     def _print_again(self) -> NDArray[np.uint8] | None:
-        """Returns the print of a finished painting from the simulated easel, else from its file; None if it has none.
-
-        The file comes second because an earlier sitting may have left it.
-        """
+        """Returns the print of a finished painting from the simulated easel, else from its file; None if it has none."""
         if not (self.spec.simulated and self.spec.has_camera):
             return None
         log = self.folder / SIMULATION_LOG
@@ -486,7 +484,7 @@ class PaintingRun:
                 ordered = order(self.spec, self.planner.brushes, Path(place), self._state)
                 with closing(open_easel(ordered)) as opened:
                     return opened.easel.operator.print_canvas()
-        with suppress(ImageError):
+        with suppress(ImageError):  # the second choice, because an earlier sitting may have left it
             return images.load_exactly(self.folder / "painting.png")
         return None
 
