@@ -474,7 +474,7 @@ class PaintingRun:
             return RunOutcome(self.folder, painting, page, similarity=recorder.similarity)
 
     def _print_again(self) -> NDArray[np.uint8] | None:
-        """Returns the print of a finished painting from the simulated easel, else from its file; None if it has none."""
+        """Returns the print of a finished painting from the simulated easel, else from its file; None without one."""
         if not (self.spec.simulated and self.spec.has_camera):
             return None
         log = self.folder / SIMULATION_LOG
