@@ -184,12 +184,6 @@ TAKEN = frozenset(RunSpec.model_fields) - {"goal"} | {
     *ImaginingSettings.model_fields,
 }
 """Names of options that no kind of goal can have."""
-VARIANTS: dict[str, dict[str, Any]] = {
-    "loose": {"strokes": 110, "brushes": "broad:80%,medium:20%", "seed": 1},
-    "faithful": {},
-    "graphic": {"colors": 5, "new_paints": False, "brushes": "broad:40%,fine:60%"},
-}
-"""Settings of the variants of a plan, by name, in the order of their numbers."""
 _FILES = "Where the painting goes"
 _NAMES = {"brushes": ("--brushes", "--brush")}  # most people name one
 _WITHOUT_OPTION = ("title", "goal", "initial")

@@ -15,10 +15,10 @@ from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.planning.settings import PlanSettings
 from frida_painter.runs.options import PaceOption, taking, whole_number_within, with_fields
 from frida_painter.runs.spec import OF_PAINTINGS
+from frida_painter.runs.variants import VARIANT, VARIANTS, variant_of
 from frida_painter_cli.imagining import imagine_beginning
 from frida_painter_cli.options import (
     TAKEN,
-    VARIANTS,
     AskOption,
     BriefCommand,
     FilledOption,
@@ -116,12 +116,11 @@ def paint(
         from frida_painter.system.devices import prepare_process
         from frida_painter_cli.leading import Leader, answer_early, ready_planner, say_films
         from frida_painter_cli.stop_signal import stop_on_signals
-        from frida_painter_cli.variants import fit_to_plan
 
         prepare_process()
         if plan is not None:
             chosen = Plan.load(plan)
-            spec = fit_to_plan(spec, chosen).with_values(ground=ground_of(chosen))
+            spec = variant_of(spec, dict(chosen.about).get(VARIANT, "")).with_values(ground=ground_of(chosen))
         differs = led is not None
         with stop_on_signals() as stop, PaintingRun(spec, given["out"], record_may_differ=differs) as run:
             say_films(run.spec)

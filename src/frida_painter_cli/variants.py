@@ -21,6 +21,7 @@ from frida_painter.runs.painting_folder import new_folder
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import paints_for_recipes
 from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.variants import VARIANT, VARIANTS, variant_of
 from frida_painter.session.choreography import BrushLoad, Choreography, reckon
 from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.time_left import share_of_plan
@@ -30,34 +31,11 @@ from frida_painter.system.devices import prepare_process
 from frida_painter.system.python_process import in_own_process
 from frida_painter.system.storage import count_of
 from frida_painter_cli.leading import PLAN_ROOM, ready_planner, say
-from frida_painter_cli.options import VARIANTS
 from frida_painter_cli.stop_signal import StopSignal, stop_on_signals
 from frida_painter_cli.terminal import PlanningLine
 
 _STOPPED = "You stopped the planning, and nothing more was saved. Run the command again to plan from the start."
-_VARIANT = "variant"  # fact about a plan: the name of its settings
 _WIDTH = 520  # pixels of a variant on the sheet
-
-
-def variant_of(spec: RunSpec, name: str) -> RunSpec:
-    """Returns the description with the settings of a variant; what the person has set stays as it is.
-
-    Brushes change only if several are usual, because not every robot changes them.
-    """
-    given = spec.model_fields_set | ({"colors", "new_paints"} if spec.palette is not None else set())
-    wanted = {key: value for key, value in VARIANTS[name].items() if key not in given}
-    brushes = wanted.pop("brushes", None)
-    if "colors" in wanted:
-        wanted["colors"] = min(wanted["colors"], spec.strokes)
-    varied = spec.with_values(**wanted)
-    several = brushes is not None and spec.strokes_of is None and "," in varied.usual_brushes
-    return varied.with_values(brushes=brushes) if several else varied
-
-
-def fit_to_plan(spec: RunSpec, plan: Plan) -> RunSpec:
-    """Returns the description with the settings of the variant that a plan is, if it is one."""
-    name = dict(plan.about).get(_VARIANT)
-    return variant_of(spec, name) if name in VARIANTS else spec
 
 
 def write_plan(run: PaintingRun, made: Plan, folder: Path) -> tuple[str, ...]:
@@ -107,7 +85,7 @@ def make_variant(name: str, settings: str, folder: Path, tell: Callable[[float],
     prepare_process()
     with PaintingRun(variant_of(RunSpec.of(**json.loads(settings)), name)) as run:
         made = run.plan(lambda step: tell(share_of_plan(step.iteration, step.of)))
-        made = replace(made, about=(*made.about, (_VARIANT, name)))
+        made = replace(made, about=(*made.about, (VARIANT, name)))
         write_plan(run, made, folder)
         usual = Choreography.of(FlatbedWorkspace().motion(made.canvas), made.brushes)
         minutes = reckon(made, usual, BrushLoad(), drying=60 * run.spec.drying).total / 60

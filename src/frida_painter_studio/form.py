@@ -24,6 +24,11 @@ CONTROLS: dict[str, Control] = {
 """Controls of all settings that a form asks for."""
 SETTINGS = tuple(name for name, control in CONTROLS.items() if control.widget not in ("canvas", "goals"))
 """Settings that a request carries under their own names; it has goals with pictures, and the sides of the canvas."""
+USUAL_VALUES: dict[str, list[Any]] = {
+    name: [RunSpec.model_fields[name].default, *(sets[name] for sets in _PRESETS.values() if name in sets)]
+    for name in SETTINGS
+}
+"""Values of each setting that a person has not chosen one by one: the usual one, and those of the presets."""
 
 
 def describe_form(easel: WebAppEasel, families: Iterable[str]) -> dict[str, Any]:

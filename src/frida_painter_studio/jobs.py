@@ -52,11 +52,6 @@ class CalibrationRequest(KeptRequest, CanvasSides):
             raise ValueError("Each procedure is done once, in the order canvas, robot, color, brush, strokes.")
         return self
 
-    @property
-    def whole(self) -> bool:
-        """True if all procedures are requested."""
-        return self.what == PROCEDURES
-
 
 class SetupRequest(KeptRequest):
     """Request for the setup of a machine.

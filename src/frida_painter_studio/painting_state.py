@@ -116,6 +116,7 @@ class PlanState:
 
     status: "waiting", "planning", "ready", "failed" or "stopped". The other fields: as the worker reports them.
     said: progress in words, before that in numbers.
+    beside: True for a plan that was ordered together with the one before it.
     """
 
     number: int
@@ -126,6 +127,7 @@ class PlanState:
     said: str = ""
     growing: str | None = None
     made: dict[str, Any] | None = None
+    beside: bool = False
 
 
 @dataclass
@@ -168,10 +170,11 @@ class PaintingPage:
         if at is not None:
             self.times.hear(event, at)
         match event:
-            case events.Began("plan", plan=number, detail=detail):
-                self._end_plans(self.ended or "failed")
-                self._begin("plan")
-                self.plans[number] = PlanState(number, detail)
+            case events.Began("plan", beside, number, detail):
+                if not beside:
+                    self._end_plans(self.ended or "failed")
+                    self._begin("plan")
+                self.plans[number] = PlanState(number, detail, beside=bool(beside))
             case events.Began("paint" | "resume" as job, plan=number, detail=detail):
                 self._begin(job)
                 self.plan, sittings = number, detail.get("sittings")
@@ -201,7 +204,7 @@ class PaintingPage:
     def _hear_progress(self, progress: events.Advanced) -> None:
         if self.job != "plan":
             self.said = progress.words or self.said
-        for plan in (plan for plan in self.plans.values() if plan.status == "planning"):
+        for plan in [plan for plan in self.plans.values() if plan.status == "planning"][:1]:
             plan.growing = progress.picture or plan.growing
             if progress.words:
                 plan.said = progress.words
@@ -308,13 +311,7 @@ class PaintingPage:
     def _describe_plan_of_terminal(self) -> PlanState:
         """Returns the plan of a painting that was begun at the terminal, from its settings."""
         settings = self.painting.sittings.settings
-        made: dict[str, Any] = {
-            "prefix": "",
-            "frames": [],
-            "palette": [],
-            "mixtures": [],
-            "strokes": settings.get("strokes"),
-        }
+        made: dict[str, Any] = {"prefix": "", "frames": [], "palette": [], "strokes": settings.get("strokes")}
         wish = {name: settings.get(name) for name in ("title", *SETTINGS)} | {"terms": [], "initial": []}
         with suppress(ConfigError):
             size = CanvasSize.parse(str(settings.get("canvas")))

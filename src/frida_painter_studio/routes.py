@@ -221,6 +221,16 @@ def studio_routes(studio: Studio) -> APIRouter:
         """Stores a picture from the plain bytes of its file."""
         return {"id": await studio.uploads.keep(await request.body())}
 
+    @router.post(f"/{Imagining.name}/stop")
+    def stop_imagining(by: Planner) -> dict[str, str]:
+        """Stops the making of pictures from words, and no other work."""
+        studio.stop_imagining(by)
+        return {"id": Imagining.name}
+
+    @router.post(f"/{Imagining.name}/choose")
+    def choose(chosen: ChosenPicture, by: Planner) -> dict[str, str]:
+        return studio.choose_picture(chosen, by)
+
     @router.get("/pictures/{picture}")
     def show_picture(picture: Annotated[str, Path(max_length=64)]) -> SentFile:
         path = studio.store.pictures / f"{picture}.png"
@@ -291,23 +301,6 @@ def job_routes(studio: Studio, job: type[JobState]) -> APIRouter:
     return router
 
 
-def imagining_routes(studio: Studio) -> APIRouter:
-    """Returns the further routes for making pictures from words: its stop, and the choice."""
-    router = APIRouter(prefix=f"/api/{Imagining.name}")
-
-    @router.post("/stop")
-    def stop(by: Planner) -> dict[str, str]:
-        """Stops the making, and no other work."""
-        studio.stop_imagining(by)
-        return {"id": Imagining.name}
-
-    @router.post("/choose")
-    def choose(chosen: ChosenPicture, by: Planner) -> dict[str, str]:
-        return studio.choose_picture(chosen, by)
-
-    return router
-
-
 # Routes for paintings.
 
 _LIVE_FOR = 10.0  # seconds
@@ -340,12 +333,14 @@ def painting_routes(studio: Studio) -> APIRouter:
         return studio.cards()
 
     @router.post("/api/paintings")
-    def begin(request: PaintingRequest, by: Planner) -> dict[str, str]:
-        return {"id": studio.begin(request).id}
+    def begin(request: PaintingRequest, by: Planner, variants: bool = False) -> dict[str, str]:
+        return {"id": studio.begin(request, variants=variants).id}
 
     @router.post(f"{one}/plans")
-    def plan_again(request: PaintingRequest, by: Planner, entry: Entry = this) -> dict[str, str]:
-        studio.plan_again(entry, request)
+    def plan_again(
+        request: PaintingRequest, by: Planner, variants: bool = False, entry: Entry = this
+    ) -> dict[str, str]:
+        studio.plan_again(entry, request, variants=variants)
         return {"id": entry.id}
 
     @router.get(one)
@@ -414,4 +409,3 @@ def all_routes(studio: Studio) -> Iterator[APIRouter]:
     yield studio_routes(studio)
     yield painting_routes(studio)
     yield from (job_routes(studio, job) for job in JOBS.values())
-    yield imagining_routes(studio)

@@ -14,9 +14,10 @@ from starlette.responses import StreamingResponse
 from starlette.types import Message, Receive, Scope, Send
 
 from frida_painter.easel.kinds import JOURNAL
+from frida_painter.system.event_log import LogReader
 from frida_painter_studio.jobs import JobState
 from frida_painter_studio.painting_state import PaintingPage, Truth
-from frida_painter_studio.studio_folder import FeedReader, PaintingFolder, QueuedJob
+from frida_painter_studio.studio_folder import PaintingFolder, QueuedJob, read_events
 from frida_painter_together.commands import Role
 
 # Cache of states, so that a feed is not read again for each request.
@@ -72,15 +73,15 @@ class FeedStates:
 
 def _follower(folder: PaintingFolder, state: Any) -> Callable[[], int]:
     """Returns a function that tells the state its new events, of the feed and of the journal, and returns how many."""
-    readers = [(FeedReader(folder.feed), state.hear)]
+    readers = [(LogReader(folder.feed), state.hear)]
     if isinstance(state, PaintingPage):
         state.place = str(folder.path)
-        readers.append((FeedReader(folder.painting / JOURNAL), state.hear_painting))
+        readers.append((LogReader(folder.painting / JOURNAL), state.hear_painting))
 
     def follow() -> int:
         count = 0
         for reader, hear in readers:
-            for event, at in reader.read_with_times():
+            for event, at in read_events(reader):
                 hear(event, at)
                 count += 1
         return count

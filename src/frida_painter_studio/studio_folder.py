@@ -8,7 +8,7 @@ import contextlib
 import os
 import re
 import shutil
-from collections.abc import Iterator, Set
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -22,11 +22,12 @@ from frida_painter.easel.kinds import JOURNAL, LIVE, LIVE_PICTURE, REGIONS, STOP
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.planning.fields import brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec, without_former
+from frida_painter.runs.variants import VARIANTS, variant_of
 from frida_painter.session.events import Event, events_of, time_of
 from frida_painter.system import locks, storage
 from frida_painter.system.event_log import LogReader
 from frida_painter_studio.at_page import FEED_FILE, Feed
-from frida_painter_studio.form import CONTROLS, SETTINGS
+from frida_painter_studio.form import CONTROLS, SETTINGS, USUAL_VALUES
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_together.commands import GoalRequest, goal_items, pictures_of
 from frida_painter_together.inbox import KeptRequest
@@ -71,11 +72,12 @@ _Settings: Any = create_model("_Settings", __base__=(KeptRequest, CanvasSides), 
 
 
 class PaintingRequest(_Settings):  # type: ignore[misc]  # made from `RunSpec`
-    """Request for a painting: goals, goals of the start, sides of the canvas in mm, and the settings of the form."""
+    """Request for a plan: goals, goals of the start, sides of the canvas in mm, the settings of the form, a variant."""
 
     _name, _key, _file = "what a person asked for", "wish", "wish.json"
 
     title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
+    variant: Annotated[str, StringConstraints(max_length=60)] = ""
     terms: tuple[GoalRequest, ...] = Field((), max_length=8)
     initial: tuple[GoalRequest, ...] = Field((), max_length=2)
 
@@ -93,6 +95,8 @@ class PaintingRequest(_Settings):  # type: ignore[misc]  # made from `RunSpec`
             raise ValueError("There is nothing to paint yet: give a picture, or words, or draw something.")
         for name, _ in brush_shares(self.brushes) if self.brushes else ():
             _require_brush(name)
+        if self.variant not in ("", *VARIANTS):
+            raise ValueError(f"There is no variant {self.variant!r} of a plan; choose {', '.join(VARIANTS)} or none.")
         if not self.title.isprintable():
             raise ValueError("The title holds characters that cannot be printed; type it anew.")
         if not 1 / 4 <= self.width / self.height <= 4:
@@ -126,7 +130,15 @@ class PaintingRequest(_Settings):  # type: ignore[misc]  # made from `RunSpec`
                 named = ", ".join(known)
                 raise ConfigError(f"There is no stroke family {name[:60]!r}; choose one of {named}, or teach it.")
             wanted["strokes_of"] = ",".join(f"{known[name] or name}:{100 * share:g}%" for name, share in shares)
-        return RunSpec.of(**wanted, calibration=easel.known)
+        spec = RunSpec.of(**wanted, calibration=easel.known)
+        own = {name for name in SETTINGS if getattr(self, name) not in USUAL_VALUES[name]}
+        return variant_of(spec, self.variant, own)
+
+    def variants(self) -> list[Self]:
+        """Returns a request for each variant. Raises ConfigError."""
+        if self.together:
+            raise ConfigError("A drawing without a goal has no variants; set a goal, or draw together.")
+        return [self.model_copy(update={"variant": name}) for name in VARIANTS]
 
 
 def find_families(folder: Path) -> dict[str, Path]:
@@ -246,16 +258,17 @@ class PaintingFolder:
         """Returns the folder of plan `number`, which need not exist."""
         return PlanFolder(self.path / "plans" / str(number))
 
-    def begin_plan(self, request: PaintingRequest, pictures: Path) -> PlanFolder:
-        """Makes the folder of a new plan, with its request and copies of its `pictures`. Raises StorageError."""
-        number = max((folder.number for folder in self.plans()), default=0) + 1
-        if number > _MAX_PLANS:
-            raise StorageError(f"There are {_MAX_PLANS} plans already; choose one of them, or begin a new painting.")
-        plan = self.plan(number)
-        storage.new_folder(plan.path)
-        copy_pictures(request.pictures, pictures, plan.path)
-        request.keep(plan.path)
-        return plan
+    def begin_plans(self, requests: Sequence[PaintingRequest], pictures: Path) -> list[PlanFolder]:
+        """Makes the folders of new plans, each with its request and copies of its `pictures`. Raises StorageError."""
+        made = max((folder.number for folder in self.plans()), default=0)
+        if made + len(requests) > _MAX_PLANS:
+            raise StorageError(f"There are {made} plans of at most {_MAX_PLANS}; choose one, or begin a new painting.")
+        plans = [self.plan(number) for number, _ in enumerate(requests, made + 1)]
+        for plan, request in zip(plans, requests, strict=True):
+            storage.new_folder(plan.path)
+            copy_pictures(request.pictures, pictures, plan.path)
+            request.keep(plan.path)
+        return plans
 
     def find_shown(self, place: str, name: str) -> Path | None:
         """Returns the file `name` of a place; None if it may not be shown.
@@ -389,19 +402,9 @@ def tell_once(folder: PaintingFolder, event: Event) -> None:
     feed.close()
 
 
-class FeedReader:
-    """Reads new events from a feed or a journal; the file need not exist yet."""
-
-    def __init__(self, path: Path) -> None:
-        self._reader = LogReader(path)
-
-    def read(self) -> list[Event]:
-        """Returns the events since the last call, in order, without invalid lines."""
-        return [event for event, _ in self.read_with_times()]
-
-    def read_with_times(self) -> Iterator[tuple[Event, datetime | None]]:
-        """Yields the events like `read`, each with the time at which it was written, None if it has none."""
-        for line in self._reader.stream():
-            with contextlib.suppress(ValueError, KeyError, TypeError):
-                for event in events_of(line):
-                    yield event, time_of(line)
+def read_events(log: LogReader) -> Iterator[tuple[Event, datetime | None]]:
+    """Yields the new events of a feed or a journal in order, each with the time at which it was written, if any."""
+    for line in log.stream():
+        with contextlib.suppress(ValueError, KeyError, TypeError):
+            for event in events_of(line):
+                yield event, time_of(line)

@@ -13,6 +13,7 @@ from frida_painter.easel.kinds import GIVEN
 from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
+from frida_painter.runs.variants import VARIANTS
 from frida_painter.session.events import Began
 from frida_painter.session.fold import PaintingState
 from frida_painter_studio import picture_choosing, studio_folder
@@ -93,6 +94,7 @@ class Studio:
             "form": describe_form(easel, self._families),
             "turns": list(registry.parts(registry.TURN_POLICIES)),
             "makers": list(self.makers.by_label),
+            "variants": list(VARIANTS),
         }
 
     def _last_times(self) -> list[WorkTimes]:
@@ -195,30 +197,31 @@ class Studio:
 
     # Orders for plans.
 
-    def begin(self, request: PaintingRequest) -> Entry:
-        """Begins a painting and its first plan."""
-        self._require_paintable(request)
+    def begin(self, request: PaintingRequest, *, variants: bool = False) -> Entry:
+        """Begins a painting and its first plan, or its first variants side by side."""
+        wanted = self._paintable(request, variants=variants)
         entry = self.store.begin(request.title or "Untitled")
-        self._plan(entry, request)
+        self._plan(entry, wanted)
         return entry
 
-    def plan_again(self, entry: Entry, request: PaintingRequest) -> None:
-        """Makes another plan for a painting, from the same request or another one."""
-        self._require_paintable(request)
-        self._plan(entry, request)
+    def plan_again(self, entry: Entry, request: PaintingRequest, *, variants: bool = False) -> None:
+        """Makes another plan for a painting, or variants of one, from the same request or another one."""
+        self._plan(entry, self._paintable(request, variants=variants))
 
-    def _require_paintable(self, request: PaintingRequest) -> None:
-        """Raises ConfigError, in the words of the form, if goals or settings cannot be painted at this easel."""
-        self._require_possible(request)
-        try:
-            request.spec(self.easel, self.store.pictures, self.store.root / studio_folder.FAMILIES)
-        except ConfigError as error:
-            raise ConfigError(name_settings(str(error))) from error
+    def _paintable(self, request: PaintingRequest, *, variants: bool) -> list[PaintingRequest]:
+        """Returns the request, or one for each variant.
 
-    def _require_possible(self, request: PaintingRequest) -> None:
-        """Raises ConfigError if a picture of the request is missing, or if a kind of goal is not ready."""
+        Raises ConfigError, in the words of the form, if goals or settings cannot be painted at this easel.
+        """
+        wanted = request.variants() if variants else [request]
         self._require_pictures(request.pictures)
         self._require_ready(*request.terms, *request.initial)
+        try:
+            for each in wanted:
+                each.spec(self.easel, self.store.pictures, self.store.root / studio_folder.FAMILIES)
+        except ConfigError as error:
+            raise ConfigError(name_settings(str(error))) from error
+        return wanted
 
     def _require_ready(self, *goals: commands.GoalRequest) -> None:
         for kind in {goal.kind for goal in goals}:
@@ -230,28 +233,29 @@ class Studio:
         if not all((self.store.pictures / f"{name}.png").is_file() for name in pictures):
             raise ConfigError("A picture of this goal is gone; choose it again.")
 
-    def _plan(self, entry: Entry, request: PaintingRequest) -> None:
-        """Starts the plan, or puts it into the queue if other work comes first."""
+    def _plan(self, entry: Entry, requests: list[PaintingRequest]) -> None:
+        """Starts plans, one after the other, or puts them into the queue if other work comes first."""
         folder = entry.folder
         if folder.is_of_terminal:
             raise Interrupted("This painting was begun at the terminal, with its plan; begin a new painting here.")
         if working(folder):
             raise Interrupted("The painter is at work on this painting already.")
         if self.queue.must_wait():
-            self.queue.add(entry, lambda: self._request_plan(entry, request), "plan")
+            self.queue.add(entry, lambda: self._request_plans(entry, requests), "plan")
             return
         with self.workers.slot_at(folder) as slot:
             folder.stop.unlink(missing_ok=True)
-            slot.start("plan", self._request_plan(entry, request))
+            slot.start("plan", self._request_plans(entry, requests))
 
-    def _request_plan(self, entry: Entry, request: PaintingRequest) -> PlanFolder:
-        """Makes the folder of a new plan and reports it to the page."""
-        plan = entry.folder.begin_plan(request, self.store.pictures)
-        wish = request.model_dump(mode="json")
-        studio_folder.tell_once(entry.folder, Began("plan", plan=plan.number, detail=wish))
-        if request.title and request.title != entry.title:
-            self.store.rename(entry.id, request.title)
-        return plan
+    def _request_plans(self, entry: Entry, requests: list[PaintingRequest]) -> PlanFolder:
+        """Makes the folders of new plans, reports them to the page, and returns the first one."""
+        plans = entry.folder.begin_plans(requests, self.store.pictures)
+        for place, (plan, request) in enumerate(zip(plans, requests, strict=True)):
+            wish = request.model_dump(mode="json")
+            studio_folder.tell_once(entry.folder, Began("plan", "beside" * (place > 0), plan.number, wish))
+        if (title := requests[0].title) and title != entry.title:
+            self.store.rename(entry.id, title)
+        return plans[0]
 
     # Orders for paintings.
 
@@ -290,15 +294,9 @@ class Studio:
             raise Interrupted("The painter is at work on this painting already.")
         if not status.resumable:
             raise Interrupted("There is nothing to go on with: no stroke was painted yet.")
-        plan, sittings, robot = self.feeds.view(
-            folder,
-            PaintingPage,
-            lambda state, truth: (
-                state.plan,
-                state.painting.sittings.count,
-                state.painting.sittings.settings.get("robot"),
-            ),
-        )
+        plan = self.feeds.view(folder, PaintingPage, lambda state, truth: state.plan)
+        sittings = self._fold(entry).sittings
+        robot = sittings.settings.get("robot")
         if robot != self.easel.robot:
             raise ConfigError(
                 f"This painting is painted by {robot!r}, and this studio is open for {self.easel.robot!r}; open it "
@@ -310,7 +308,7 @@ class Studio:
             folder.stop.unlink(missing_ok=True)
             folder.robot_stop.unlink(missing_ok=True)
             self.store.note(by.id, entry.id, "resume")
-            studio_folder.tell_once(folder, Began("resume", plan=plan, detail={"sittings": sittings}))
+            studio_folder.tell_once(folder, Began("resume", plan=plan, detail={"sittings": sittings.count}))
             slot.start("resume", folder.plan(plan))
 
     def say(self, entry: Entry, command: PageCommand, by: Session) -> None:

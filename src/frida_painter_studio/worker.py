@@ -22,6 +22,7 @@ from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import paints_for_recipes
 from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.variants import VARIANT
 from frida_painter.session import events
 from frida_painter.session.opening import adopt_camera, statuses
 from frida_painter.session.time_left import PlanTime, share_of_plan
@@ -32,7 +33,7 @@ from frida_painter_calibration.calibrating import CalibrationSetup, calibrate_on
 from frida_painter_calibration.machine_setup import SetupEvent, lead_setup
 from frida_painter_calibration.options import SetupOrder
 from frida_painter_studio.at_page import Feed, StopWatch
-from frida_painter_studio.jobs import CalibrationRequest, SetupRequest, TeachingRequest
+from frida_painter_studio.jobs import PROCEDURES, CalibrationRequest, SetupRequest, TeachingRequest
 from frida_painter_studio.side_jobs import imagine, teach
 from frida_painter_studio.studio_folder import PLAN_JOB, PaintingFolder, PlanFolder
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -58,10 +59,6 @@ class Job:
     def state(self) -> Path | None:
         """Folder of robot locks: the painting's own folder for a simulated robot, None for the common one."""
         return self.folder.easel if self.easel.simulated else None
-
-    def spec(self, place: PlanFolder) -> RunSpec:
-        """Returns the description of the requested painting at this easel. Raises ConfigError and StorageError."""
-        return place.request().spec(self.easel, place.path, self.folder.families)
 
 
 # Calibration by a worker: it leads the procedures, asks on the page, and saves the easel's record.
@@ -97,7 +94,7 @@ def calibrate(job: Job) -> None:
 
 def _lead_all(job: Job, request: CalibrationRequest, here: Easel, answer: Callable[[SetupQuestion], Answer]) -> None:
     path, feed = job.easel.record, job.feed
-    known = record_to_renew(path, here.calibration, anew=request.whole)
+    known = record_to_renew(path, here.calibration, anew=request.what == PROCEDURES)
     _tell_status(feed, known, here.calibration)
 
     def say(words: str) -> None:
@@ -180,7 +177,7 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
     prepare_process()
     job.stop.heed()
     jobs: dict[str, Callable[[Job], None]] = {
-        PLAN_JOB: lambda job: make_plan(job, place),
+        PLAN_JOB: lambda job: make_plans(job, place),
         "calibration": calibrate,
         "setup": set_up,
         "teaching": teach_stroke,
@@ -191,10 +188,17 @@ def work(what: str, job: Job, place: PlanFolder) -> None:
     jobs[what](job)
 
 
-def make_plan(job: Job, place: PlanFolder) -> None:
-    """Makes the requested plan and its pictures."""
-    feed = job.feed
-    with PaintingRun(job.spec(place)) as run:
+def make_plans(job: Job, first: PlanFolder) -> None:
+    """Makes the first of the requested plans, and those ordered with it, one after the other, with their pictures."""
+    for place in job.folder.plans():
+        if place.number >= first.number:
+            _make_plan(job, place)
+
+
+def _make_plan(job: Job, place: PlanFolder) -> None:
+    feed, request = job.feed, place.request()
+    spec = request.spec(job.easel, place.path, job.folder.families)
+    with PaintingRun(spec) as run:
         run.tell, run.heed = feed.say, job.stop.heed
         planner = run.planner
         bare, models = planner.bare, planner.models
@@ -211,6 +215,8 @@ def make_plan(job: Job, place: PlanFolder) -> None:
             feed.step(share, plan_time.find_remaining(share), growing.draw(step.parts))
 
         made = run.plan(hear)
+        if request.variant:
+            made = replace(made, about=(*made.about, (VARIANT, request.variant)))
         made.save(place.plan)
         if len(made):
             export(made, models, place.path, run.spec.drying)

@@ -5,10 +5,9 @@ import pytest
 import torch
 
 from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.variants import VARIANTS, variant_of
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
-from frida_painter_cli.options import VARIANTS
-from frida_painter_cli.variants import variant_of
 from support.commandline import run_command
 
 

@@ -14,10 +14,10 @@ from pydantic import TypeAdapter, ValidationError
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Measure, PointCorners, Question
 from frida_painter.easel.kinds import INBOX
 from frida_painter.errors import ConfigError, Interrupted
-from frida_painter.session.events import Asked
-from frida_painter.system.event_log import FEED, EventLog
+from frida_painter.session.events import Asked, Event
+from frida_painter.system.event_log import FEED, EventLog, LogReader
 from frida_painter_studio.at_page import Feed, StopPressed, StopWatch
-from frida_painter_studio.studio_folder import FeedReader, PaintingFolder
+from frida_painter_studio.studio_folder import PaintingFolder, read_events
 from frida_painter_studio.web_studio import Followed
 from frida_painter_together import asking, inbox
 from frida_painter_together.asking import MAX_ABSENCE, Asker, describe_question
@@ -210,11 +210,16 @@ def asker(folder: Path, **more: Any) -> Asker:
     return Asker(folder, Feed(folder).tell, StopWatch(folder / "stop", folder.parent).heed, **more)
 
 
+def told(folder: Path) -> list[Event]:
+    """The events in the feed of this folder."""
+    return [event for event, _ in read_events(LogReader(PaintingFolder(folder).feed))]
+
+
 def asked(folder: Path) -> dict[str, Any]:
     """The question that stands in the feed, once it does."""
     deadline = time.monotonic() + 20
     while time.monotonic() < deadline:
-        for event in FeedReader(PaintingFolder(folder).feed).read():
+        for event in told(folder):
             if isinstance(event, Asked):
                 return event.question
         time.sleep(0.01)
@@ -237,7 +242,7 @@ def test_a_question_waits_for_its_answer_and_no_other(
     send(folder, Reply.model_validate({"question": shown["id"], **says}))
     waiting.join(20)
     assert found == [means]
-    assert FeedReader(PaintingFolder(folder).feed).read()[-1] == Asked(None)
+    assert told(folder)[-1] == Asked(None)
 
 
 def test_an_answer_that_comes_too_late_is_none(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -291,7 +296,7 @@ def test_a_dialogue_that_no_page_follows_is_left_so_that_the_machine_is_free(
     with pytest.raises(Interrupted, match=r"No page was open for 10 minutes; what was done before is kept"):
         asks.answer(Confirm("Is it so?"))
     assert followed + MAX_ABSENCE <= clock.now <= followed + MAX_ABSENCE + 60
-    assert FeedReader(PaintingFolder(folder).feed).read()[-1] == Asked(None), "nothing is asked any more"
+    assert told(folder)[-1] == Asked(None), "nothing is asked any more"
 
 
 def test_a_question_of_a_painting_waits_for_days(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

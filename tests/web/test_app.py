@@ -20,6 +20,7 @@ import frida_painter_studio as web
 from frida_painter import registry
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
+from frida_painter.runs.variants import VARIANTS
 from frida_painter.session.events import ResultFound, Stopped, StrokePainted
 from frida_painter.session.journal import Journal
 from frida_painter.system import locks
@@ -166,6 +167,27 @@ def test_a_painting_begins_with_a_plan(studio: Studio, visitor: Visitor, started
     assert [plan["wish"]["seed"] for plan in visitor.get(f"/api/paintings/{entry.id}").json()["plans"]] == [0, 7]
     gallery = visitor.get("/api/paintings").json()
     assert [(each["title"], each["picture"]) for each in gallery] == [("Tea", None)]
+
+
+def test_variants_are_ordered_together_and_only_a_finished_one_is_painted(
+    studio: Studio, visitor: Visitor, started: list[tuple[str, int]]
+) -> None:
+    entry = begun(studio, visitor)
+    path = f"/api/paintings/{entry.id}"
+    assert visitor.post(f"{path}/plans?variants=true", json=painting_request()).status_code == 200
+    plans = visitor.get(path).json()["plans"]
+    assert [plan["wish"]["variant"] for plan in plans] == ["", *VARIANTS] and started == [("plan", 1), ("plan", 2)]
+    assert [plan["beside"] for plan in plans] == [False, False, True, True]
+    entry.folder.plan(3).plan.write_text("{}")
+    for number, status in ((2, 422), (4, 422), (99, 422), (3, 200)):
+        assert visitor.post(f"{path}/start", json={"plan": number, "ready": True}).status_code == status
+    assert started[-1] == ("paint", 3)
+    for number in range(5, 23):
+        entry.folder.plan(number).path.mkdir()
+    full = visitor.post(f"{path}/plans?variants=true", json=painting_request())
+    assert full.status_code == 422 and len(entry.folder.plans()) == 22, "all three or none"
+    together = visitor.post("/api/paintings?variants=true", json={"together": True})
+    assert together.status_code == 422 and "no variants" in together.json()["sentence"]
 
 
 def test_the_robot_starts_only_when_the_person_says_that_all_is_ready(

@@ -317,6 +317,46 @@ PAINT = """async (id) => {
 }"""
 
 
+def test_one_of_three_variants_is_chosen_and_painted(opens: Open, studio: Served, tmp_path: Path) -> None:
+    photograph = tmp_path / "disc_and_bar.png"
+    images.save(picture(90, 120), photograph)
+    with opens() as page:
+        go(page, "#/new")
+        page.set_input_files("input[type=file]", photograph)
+        page.get_by_text("More settings").click()
+        for label in ("Strokes", "Paints to mix", "Replans"):
+            page.get_by_label(label).fill("0")
+        page.get_by_role("button", name="Three variants").press("Enter")
+        cards = page.get_by_role("region", name="Plans").get_by_role("button")
+        expect(cards).to_have_count(3, timeout=LONG)
+        sees(page, "Ready: 1 of 3 variants. Choose one.", patience=LONG)
+        assert complaints(page) == []
+        press(page, "Stop")
+        expect(cards.first).to_contain_text("strokes")
+        press(page, "Three variants", patience=LONG)
+        sees(page, "Ready: 3 of 3 variants. Choose one.", patience=LONG)
+        assert complaints(page) == []
+        expect(cards).to_have_count(6)
+        cards.nth(5).press("Enter")
+        expect(cards.nth(5)).to_have_attribute("aria-pressed", "true")
+        expect(cards.nth(5)).to_be_focused()
+        expect(cards.nth(5)).to_contain_text(re.compile(r"^Plan 6: graphic15 strokes, \d paints?, (about|roughly) "))
+        keep(page, "variants")
+        page.reload()
+        expect(cards).to_have_count(6)
+        cards.nth(5).click()
+        press(page, "Use plan 6")
+        for box in page.locator(".check input").all():
+            box.check()
+        press(page, "Start painting")
+        heading(page, "Paint together")
+        press(page, "Stop", patience=LONG)
+        sees(page, re.compile("You stopped"), patience=LONG)
+        painted = folder_of(studio, page.url.rpartition("/")[2])
+    assert json.loads((painted / "plans/6/.settings.json").read_text())["new_paints"] is False
+    assert (painted / "painting").exists() and not (painted / "plans/5/.settings.json").exists()
+
+
 def test_a_person_paints_asks_for_a_boat_and_what_they_painted_outlives_a_killed_painter(
     opens: Open, studio: Served
 ) -> None:

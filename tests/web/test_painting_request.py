@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from frida_painter.errors import ConfigError
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
+from frida_painter.runs.variants import VARIANTS, variant_of
 from frida_painter_studio.form import SETTINGS
 from frida_painter_studio.studio_folder import GoalRequest, PaintingRequest
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -54,6 +55,30 @@ def test_the_description_of_a_request_is_for_the_studios_easel(tmp_path: Path) -
             request_of(strokes_of=other).spec(easel, tmp_path, tmp_path)
     unseen = replace(easel, robot="human", camera="none").validate()
     assert request_of(replans=9).spec(unseen, tmp_path, tmp_path).replans == 0
+
+
+@pytest.mark.parametrize(
+    ("asked", "strokes", "colors", "loose_brushes"),
+    [
+        ({}, {"loose": 110}, {"graphic": 5}, "broad:80%,medium:20%"),
+        ({"strokes": 800, "colors": 16, "effort": 1.5}, {"loose": 110}, {"graphic": 5}, "broad:80%,medium:20%"),
+        ({"strokes": 80, "colors": 6}, {}, {"graphic": 5}, None),
+        ({"strokes": 400, "colors": 9, "brushes": "fine"}, {}, {}, "fine"),
+        ({"strokes": 3, "colors": 2}, {}, {}, None),
+    ],
+    ids=["usual", "Detailed", "Quick study", "chosen one by one", "few"],
+)
+def test_what_a_person_chose_one_by_one_holds_in_all_variants_and_a_preset_does_not(
+    asked: dict[str, Any], strokes: dict[str, int], colors: dict[str, int], loose_brushes: str | None, tmp_path: Path
+) -> None:
+    wanted, easel = request_of(**asked), WebAppEasel(tmp_path / "record.json")
+    one = wanted.spec(easel, tmp_path, tmp_path)
+    specs = {each.variant: each.spec(easel, tmp_path, tmp_path) for each in wanted.variants()}
+    assert list(specs) == list(VARIANTS) and specs["faithful"] == one
+    assert {name: spec.strokes for name, spec in specs.items()} == dict.fromkeys(VARIANTS, one.strokes) | strokes
+    assert {name: spec.colors for name, spec in specs.items()} == dict.fromkeys(VARIANTS, one.colors) | colors
+    assert specs["loose"].brushes == loose_brushes
+    assert all(variant_of(spec, name) == spec for name, spec in specs.items()), "as `paint` fits it to the plan"
 
 
 def test_a_request_of_an_upright_brush_is_read_and_one_of_a_leaning_brush_refused() -> None:
@@ -113,6 +138,7 @@ def test_all_words_arrive_as_they_were_said_or_are_refused(words: str) -> None:
         ({"focus": "hands"}, "not a focus"),
         *(({"freedom": wrong}, "freedom") for wrong in (-0.1, 1.1, float("nan"))),
         ({"ground": "blue"}, "not a ground"),
+        ({"variant": "wild"}, "no variant 'wild'"),
         *(({name: "x"}, "Extra") for name in ("palette", "calibration", "robot", "pictures")),
         ({"title": "a\nb"}, "cannot be printed"),
         ({"address": "http://evil"}, "Extra"),

@@ -14,8 +14,9 @@ from frida_painter.session.events import Event
 from frida_painter.session.journal import Journal
 from frida_painter.session.progress import PaintingProgress
 from frida_painter.session.resuming import load_kept_plan
+from frida_painter.system.event_log import LogReader
 from frida_painter_studio.painting_state import PaintingPage, Truth
-from frida_painter_studio.studio_folder import FeedReader
+from frida_painter_studio.studio_folder import read_events
 from frida_painter_together.commands import GO_ON, LOOK
 from frida_painter_together.conductor import Conductor
 from frida_painter_together.inbox import send
@@ -36,10 +37,10 @@ class Viewer:
     shown: list[tuple[int, dict[str, Any]]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        self._reader = FeedReader(self.journal)
+        self._log = LogReader(self.journal)
 
     def look(self) -> None:
-        for event, at in self._reader.read_with_times():
+        for event, at in read_events(self._log):
             self.page.hear_painting(event, at)
         self.shown.append((self.journal.stat().st_size, self.page.to_plain(Truth(working=True))))
 
@@ -111,7 +112,7 @@ def test_a_replayed_journal_shows_what_the_page_showed_at_every_moment(tmp_path:
     for length, shown in viewer.shown:
         (tmp_path / "prefix").write_bytes(content[:length])
         again = PaintingPage()
-        for event, at in FeedReader(tmp_path / "prefix").read_with_times():
+        for event, at in read_events(LogReader(tmp_path / "prefix")):
             again.hear_painting(event, at)
         assert again.to_plain(Truth(working=True)) == shown
     assert viewer.shown[-1][1]["painting"]["progress"]["painted"] == STROKES

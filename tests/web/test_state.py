@@ -66,6 +66,17 @@ def test_a_plan_grows_until_it_is_ready() -> None:
     assert (ready["plans"][0]["made"]["nearer"], ready["trouble"], ready["painting"]) == (0.8, "", None)
 
 
+def test_variants_grow_one_after_the_other_and_a_stop_keeps_those_that_are_made() -> None:
+    ordered = [Began("plan", "beside" * (plan > 1), plan, {}) for plan in (1, 2, 3)]
+    shown = told(*ordered, *PLANNED[1:], Advanced("", 0.25, 9.0)).to_plain(AT_WORK)
+    assert [plan["status"] for plan in shown["plans"]] == ["ready", "planning", "planning"]
+    assert [plan["share"] for plan in shown["plans"]] == [1.0, 0.25, 0.0]
+    assert [plan["beside"] for plan in shown["plans"]] == [False, True, True] and shown["stage"] == "planning"
+    stopped = told(*ordered, *PLANNED[1:], STOPPED).to_plain(AT_REST)
+    assert [plan["status"] for plan in stopped["plans"]] == ["ready", "stopped", "stopped"]
+    assert (stopped["stage"], stopped["trouble"]) == ("planned", "")
+
+
 def test_waits_are_told_in_words() -> None:
     said = Advanced("A first picture is coloured for the words, in about 30 s.")
     (waits,) = told(PLANNED[0], said).to_plain(AT_WORK)["plans"]

@@ -19,10 +19,11 @@ from frida_painter.hardware.workcell import example
 from frida_painter.runs.painting_easel import order
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Stopped
+from frida_painter.system.event_log import LogReader
 from frida_painter.system.messages import pack, unpack
 from frida_painter_studio import worker_process
 from frida_painter_studio.at_page import Feed, StopWatch
-from frida_painter_studio.studio_folder import FeedReader, PaintingFolder, PaintingRequest, WorkerLock, working
+from frida_painter_studio.studio_folder import PaintingFolder, PaintingRequest, WorkerLock, read_events, working
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_studio.worker import Job
 from frida_painter_studio.workers import Workers
@@ -56,7 +57,7 @@ def test_the_settings_of_a_plan_are_read_as_they_were_asked_for(workers: Workers
     folder = PaintingFolder(tmp_path / "painting")
     for width in (99.99995, 355.6, 1000 / 7):
         wish = PaintingRequest(together=True, width=width, height=120.0, brushes="fine")
-        plan = folder.begin_plan(wish, tmp_path)
+        (plan,) = folder.begin_plans([wish], tmp_path)
         with workers.slot_at(folder) as slot:
             words = slot._words_to_paint(plan)
         assert RunSpec.from_toml(str(words[2])).canvas == wish.size
@@ -117,7 +118,7 @@ def test_the_page_is_told_whose_part_failed(
     easel = WebAppEasel(tmp_path / "record.json")
     with (tmp_path / "lock").open("wb") as lock, pytest.raises(ValueError, match="no goal"):
         worker_process.do_job.function("plan", folder.path, 1, lock, easel)
-    (told,) = [event for event in FeedReader(folder.feed).read() if isinstance(event, Stopped)]
+    (told,) = [event for event, _ in read_events(LogReader(folder.feed)) if isinstance(event, Stopped)]
     assert re.match(says, told.reason)
     assert "Traceback" in capsys.readouterr().err, "the log has the whole of it"
 
@@ -140,9 +141,10 @@ def test_whose_stops_hold_where(tmp_path: Path, robot: str, simulated: bool, dan
     assert unpack(json.loads(json.dumps(pack(easel, WebAppEasel, {}))), WebAppEasel, {}) == easel
     folder = PaintingFolder(tmp_path)
     feed, stop = Feed(folder.path), StopWatch(folder.stop, folder.path.parent)
-    plan = folder.begin_plan(PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]}), tmp_path)
+    wish = PaintingRequest.model_validate({"terms": [{"kind": "text", "words": "a sea"}]})
+    (plan,) = folder.begin_plans([wish], tmp_path)
     job = Job(folder, easel, feed, stop)
-    wanted = order(job.spec(plan), "broad", folder.painting, job.state)
+    wanted = order(wish.spec(easel, plan.path, folder.families), "broad", folder.painting, job.state)
     assert wanted.state == (folder.easel if simulated else state_folder())
     assert wanted.simulation.pace == (0.5 if simulated else 0.0) and wanted.folder == folder.painting
 

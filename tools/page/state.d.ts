@@ -4,7 +4,7 @@ interface Term { kind: string; picture?: string | null; words?: string | null; w
 /** Settings of the form by their names; a size is what the time depends on. */
 type Settings = import("../../src/frida_painter_studio/static/estimate.js").Size & Record<string, any>;
 /** What a person asks for: goals, the sides of the canvas in mm, and settings. */
-type Wish = Settings & { title: string; terms: Term[]; initial: Term[]; width: number; height: number };
+type Wish = Settings & { title: string; variant?: string; terms: Term[]; initial: Term[]; width: number; height: number };
 /** A choice: what it sets, and the name of its picture. */
 interface Choice { label: string; title: string; picture: string | null; sets: Record<string, any> }
 /** A control of the form: "first", "more" or the kind of goal that it stands beside; values of a slider with their words. */
@@ -18,7 +18,7 @@ interface BrushPaints { title: string; mixtures: Mixture[] }
 interface Made { prefix: string; nearer: number; frames: number[]; strokes: number; palette: Paint[]; brushes?: BrushPaints[]; shopping: string[]; mixing?: Record<string, string>; seconds: number }
 interface PlanState {
   number: number; wish: Wish; status: "waiting" | "planning" | "ready" | "failed" | "stopped"; share: number; left: number | null; said: string;
-  growing: string | null; made: Made | null;
+  growing: string | null; made: Made | null; beside: boolean;
 }
 // The records of session/fold.py and events.py, under their names.
 interface Planned { done: number; strokes: number; loss_before: number; loss_after: number; look: string; shown: Omit<Made, "nearer" | "mixtures" | "seconds"> }
@@ -70,6 +70,8 @@ interface House {
   readonly canvas: [number, number] | null;
   /** What the form asks for, and what is usual. */
   readonly form: { usual: Settings; controls: Control[] };
+  /** Names of the variants of a plan. */
+  readonly variants: string[];
   /** Labels of the picture makers that whoever opened the studio allowed. */
   readonly makers: string[];
   /** Names of the ways in which the robot can answer a person's turn. */

@@ -11,7 +11,7 @@ import { goalPreview } from "./preview.js";
 import { brushesInWords, group, SIZES, settingControl } from "./settings.js";
 
 const LATER = { text: "text", style: "a style", sketch: "a drawing", semantic: "the content of a picture" }; // what may need a network first
-const FIRST = { text: "+ Text", image: "+ Picture", style: "+ Style" };
+const FIRST = ["text", "image", "style"];
 /** A wish of a person who has changed nothing yet. @param {House} house @returns {Wish} */
 export const fresh = (house) => ({ title: "", terms: [], initial: [], width: SIZES[0][1], height: SIZES[0][2], ...house.form.usual });
 
@@ -115,7 +115,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
     chooser.value = "";
   });
 
-  function adder(kind, terms = wish.terms, label = `+ ${KINDS[kind].button}`) {
+  function adder(kind, terms = wish.terms) {
     const { advice } = house.abilities[kind];
     const ready = house.abilities[kind].ready || (kind === "text" && making); // words that become a picture need no network here
     return h("button", {
@@ -125,7 +125,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
         else if (kind === "sketch" && ondraw) ondraw((blob) => add(kind, blob));
         else choose(kind, terms);
       },
-    }, label);
+    }, `+ ${KINDS[kind].button}`);
   }
 
   /** What has to be fetched before everything can be asked for; nothing where all is here. */
@@ -172,7 +172,7 @@ export function wishForm(house, wish, changed, { goalsOnly = false, ondraw = nul
 
   function startField({ label }) {
     return h("div", { class: "field" }, h("span", {}, label), first,
-      h("div", { class: "adders", role: "group", "aria-label": "Start from" }, Object.entries(FIRST).map(([kind, label]) => adder(kind, wish.initial, label))));
+      h("div", { class: "adders", role: "group", "aria-label": "Start from" }, FIRST.map((kind) => adder(kind, wish.initial))));
   }
 
   /** How long it will take, from how long the last paintings took here; nothing is promised before one was measured. */
@@ -293,7 +293,10 @@ export function composer(house) {
 
 function composing(house, wish) {
   const mount = h("div", { class: "mount drop" });
-  const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: begin }, "Make a plan");
+  const button = h("button", { type: "button", class: "button wide", disabled: true, onclick: () => begin(false) }, "Make a plan");
+  const several = h("button", {
+    type: "button", class: "quiet", title: "Side by side, to choose one", onclick: () => begin(true),
+  }, variantsInWords(house));
   const missing = h("p", { class: "label beneath", role: "status" });
   const over = h("button", { type: "button", class: "quiet", onclick: startOver }, "Start over");
   let doing = ""; // what the button says while it works
@@ -344,6 +347,8 @@ function composing(house, wish) {
     const taking = form.isBusy();
     missing.textContent = wordless ? "Enter the text first, or remove it." : taking ? "The picture is on its way to the studio." : wish.terms.length || wish.together ? "" : "There is no goal yet. Add text, a picture or a drawing.";
     button.disabled = Boolean(doing) || (Boolean(missing.textContent) && !(taking && !wordless));
+    several.disabled = button.disabled;
+    several.hidden = Boolean(doing || wish.together);
     button.textContent = doing || (wish.together ? "Draw together" : "Make a plan");
     const begun = Boolean(wish.terms.length || wish.together || wish.initial.length || wish.title);
     over.hidden = !begun;
@@ -355,7 +360,7 @@ function composing(house, wish) {
     window.dispatchEvent(new HashChangeEvent("hashchange"));
   }
 
-  async function begin() {
+  async function begin(/** @type {boolean} */ variants) {
     doing = "Taking in the picture …";
     changed();
     const whole = (await takeDrawing()) && (await form.settled());
@@ -371,7 +376,8 @@ function composing(house, wish) {
       return;
     }
     const words = wish.terms.find((term) => term.words)?.words.trim().slice(0, 80);
-    const begun = await house.attempt(() => api.post("/api/paintings", { ...wish, title: wish.title || words || "" }));
+    const place = variants ? "/api/paintings?variants=true" : "/api/paintings";
+    const begun = await house.attempt(() => api.post(place, { ...wish, title: wish.title || words || "" }));
     doing = "";
     changed();
     if (!begun) return;
@@ -403,7 +409,7 @@ function composing(house, wish) {
   });
   document.addEventListener("paste", paste);
   changed();
-  const panel = h("div", { class: "panel" }, h("h1", {}, "Set the goal"), h("p", {}, "Tell the robot what to paint: text, pictures, a style or your own drawing. You can combine several goals. The weight says how much each one counts."), form.element, mainAction(missing, button), over);
+  const panel = h("div", { class: "panel" }, h("h1", {}, "Set the goal"), h("p", {}, "Tell the robot what to paint: text, pictures, a style or your own drawing. You can combine several goals. The weight says how much each one counts."), form.element, mainAction(missing, h("div", { class: "pair" }, button, several)), over);
   return { elements: [steps("say"), easel, panel], close: () => { document.removeEventListener("paste", paste); form.close(); } };
 }
 
@@ -416,5 +422,13 @@ export function steps(current, end) {
     h("li", { class: index < place ? "past" : "", "data-place": `${index + 1} of ${STEPS.length}`, "aria-current": index === place ? "step" : null }, (name === "done" && end) || label)));
 }
 
-/** What was wished, in a line. */
-export const summary = (wish) => wish.together ? `Drawn together, without a goal; at most ${count(wish.strokes, "stroke", "strokes")} of the robot` : `${count(wish.strokes, "stroke", "strokes")}, ${count(Math.min(wish.colors, wish.strokes), "paint", "paints")}, ${brushesInWords(wish.brushes)}`;
+/** @param {House} house */
+export const variantsInWords = ({ variants }) => `${["", "One", "Two", "Three"][variants.length] ?? variants.length} variants`;
+
+/** What was wished, or what its plan has, in a line. @param {Wish} wish @param {Made | null} [made] */
+export function summary(wish, made) {
+  const strokes = count(made?.strokes || wish.strokes, "stroke", "strokes");
+  if (wish.together) return `Drawn together, without a goal; at most ${strokes} of the robot`;
+  const paints = count(made?.palette.length || Math.min(wish.colors, wish.strokes), "paint", "paints");
+  return `${strokes}, ${paints}${wish.variant ? "" : `, ${brushesInWords(wish.brushes)}`}`;
+}

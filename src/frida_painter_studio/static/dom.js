@@ -36,7 +36,7 @@ export function show(element, ...children) {
   (controls.find((control) => named(control) === name) ?? controls[0])?.focus({ preventScroll: true });
 }
 
-const named = (control) => control.getAttribute("aria-label") ?? control.closest("label")?.textContent ?? control.textContent;
+const named = (control) => control.dataset.name ?? control.getAttribute("aria-label") ?? control.closest("label")?.textContent ?? control.textContent;
 
 /** What a person does next in a view: on a phone it stays at the bottom of the screen, in reach of the thumb. */
 export const mainAction = (...children) => h("div", { class: "main-action" }, ...children);

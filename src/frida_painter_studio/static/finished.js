@@ -68,7 +68,7 @@ export function finishedStage(house, here, first) {
       : whole && progress.painted ? h("p", { class: "label beneath" }, "There is no timelapse film. It could not be written; the disk may be full.") : null,
     results.includes("painters") ? whoPainted(place, api.get) : null,
     results.includes("arm") ? h("video", { controls: true, playsInline: true, preload: "metadata", src: place("arm.mp4"), "aria-label": "Film of the simulated arm at work, without sound" }) : null);
-  const panel = h("div", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish), `, seed ${wish.seed}`), rest, h("h2", {}, "The goal"), goalList(terms),
+  const panel = h("div", { class: "panel" }, h("h1", {}, here.title || "Finished"), h("p", {}, verdict), h("p", { class: "label" }, summary(wish, plan.made), `, seed ${wish.seed}`), rest, h("h2", {}, "The goal"), goalList(terms),
     whole ? [h("h2", {}, "Downloads"), h("ul", { class: "files" }, [...FILES, ...(results.includes("painters") ? OF_PAINTERS : [])].filter(([name]) => !["card.jpg", "film.mp4"].includes(name) || results.includes(name.split(".")[0])).map(([name, label]) => h("li", {}, h("a", { href: place(name), download: name }, label))),
       h("li", {}, h("a", { href: `/api/paintings/${here.id}/everything.zip`, download: "painting.zip" }, "Everything, with a page about the painting (ZIP)")))] : null,
     h("p", { class: "actions" },

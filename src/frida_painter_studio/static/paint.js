@@ -5,8 +5,6 @@ import { canvasView } from "./canvasview.js";
 import { count, duration, h, show } from "./dom.js";
 import { easelState } from "./easelstate.js";
 import { goalList } from "./goal.js";
-import { liveCamera } from "./livecamera.js";
-import { outcome } from "./looks.js";
 import { ask, mayAsk } from "./needs.js";
 import { togetherTools } from "./tools.js";
 
@@ -14,6 +12,62 @@ const WORDS = {
   preparing: "getting ready", mixing: "waiting for the paints", painting: "painting", drying: "letting the paint dry", planning: "looking at the canvas and replanning",
   paused: "paused", finishing: "making the timelapse film and the page", stopped: "stopped", finished: "finished", failed: "failed",
 };
+
+const WHY = {
+  region: "It replanned the rest so that no stroke touches the protected part.",
+  only: "It replanned the rest so that all strokes lie in the marked part.",
+  freed: "The protection is removed, and it replanned the rest.",
+  goal: "The goal has changed, and it replanned the rest.",
+  asked: "You asked for a look, and it replanned the rest.",
+  "": "It replanned the rest.",
+};
+
+/**
+ * What came of a look. `why` is what a person had asked for before it ("" for a look of its own); the loss of `planned`
+ * tells by which share of what was missing the new rest comes nearer to the goal than the old one; null where there is no
+ * new one (yet). Without a goal (`together`) there is nothing to come nearer to.
+ * @param {Pick<Look, "why" | "planned">} look @param {boolean} together
+ */
+export function outcome({ why, planned }, together = false) {
+  if (!planned?.look || together) return "";
+  const gain = planned.loss_before > 0 ? 1 - planned.loss_after / planned.loss_before : 0;
+  const share = Math.round(100 * Math.abs(gain));
+  const goal = why === "goal" ? "the new goal" : "the goal";
+  const compared = share === 0 ? `The new strokes come as close to ${goal} as the old ones.`
+    : gain > 0 ? `The new strokes come ${share} % closer to ${goal} than the old ones.`
+      : `The new strokes end ${share} % farther from ${goal} than the old ones${why === "region" || why === "only" ? ", because a part is left out" : ""}.`;
+  return `${WHY[why] ?? WHY[""]} ${compared}`;
+}
+
+const BETWEEN = 1000; // ms
+const RARELY = 15; // times as long, where there was none
+
+/**
+ * What a real camera sees now, beside the painting; nothing where it is not one that always has a picture.
+ * @param {House} house @param {string} id of the painting
+ */
+function liveCamera(house, id) {
+  const image = h("img", { alt: "What the camera sees now" });
+  const element = h("figure", { class: "from-camera", hidden: true }, image, h("figcaption", {}, "The camera, live"));
+  let timer = 0;
+  let asked = 0;
+  let closed = false;
+
+  function again(after) {
+    clearTimeout(timer);
+    if (!closed) timer = setTimeout(ask, after);
+  }
+
+  function ask() {
+    if (document.visibilityState !== "visible") { again(BETWEEN); return; }
+    asked += 1;
+    image.src = `/api/paintings/${id}/camera?${asked}`;
+  }
+  image.addEventListener("load", () => { element.hidden = false; again(BETWEEN); });
+  image.addEventListener("error", () => { element.hidden = true; again(RARELY * BETWEEN); });
+  if (house.camera) ask();
+  return { element, close: () => { closed = true; clearTimeout(timer); } };
+}
 
 /** @param {House} house @param {Here} here @param {State & { painting: PaintState }} first */
 export function paintStage(house, here, first) {

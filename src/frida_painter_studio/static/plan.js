@@ -2,7 +2,7 @@
 
 import * as api from "./api.js";
 import { canvasView } from "./canvasview.js";
-import { summary, wishForm } from "./composer.js";
+import { summary, variantsInWords, wishForm } from "./composer.js";
 import { count, duration, h, mainAction, reveal, show } from "./dom.js";
 import { asPainted, corrected, toPaint } from "./estimate.js";
 import { goalList } from "./goal.js";
@@ -20,7 +20,9 @@ export function planStage(house, here, first) {
   const goals = h("div", {});
   const changes = new Map(); // of goals, by plan, as a person is making them
   const panel = h("div", { class: "panel" });
-  const others = h("ul", { class: "plans" });
+  const others = h("ul", {});
+  const said = h("p", { class: "label", role: "status" });
+  const strip = h("section", { class: "plans", "aria-label": "Plans" }, said, others);
   const padPlace = h("div", { class: "easel", hidden: true });
   const strokes = new Map();
   let state = first;
@@ -29,6 +31,15 @@ export function planStage(house, here, first) {
   let drawn = "";
   let stopWaiting = () => {};
   let allowStart = () => {}; // while "Prepare" is shown: the planner's process may take a moment to end after its plan
+
+  const nameOf = ({ number, wish }) => `Plan ${number}${wish.variant ? `: ${wish.variant}` : ""}`;
+
+  /** How long painting a plan takes; the first one that was made measures this machine. */
+  function timeOf(plan) {
+    const sized = ({ wish, made }) => ({ ...wish, ...made });
+    const first = sized(state.plans.find(({ made }) => made) ?? plan);
+    return duration(toPaint(corrected(house.pace, first, first.seconds), asPainted(house, sized(plan))));
+  }
 
   const current = () => /** @type {PlanState} */ (state.plans.find((plan) => plan.number === chosen));
 
@@ -47,7 +58,7 @@ export function planStage(house, here, first) {
     const frame = plan.made.frames.reduce((best, after) => (after <= done ? after : best), 0);
     scrubbing.querySelector("output").textContent = `${done} of ${plan.made.strokes}`;
     canvas.picture("plan", api.file(here.id, plan.number, whole ? "plan.jpg" : `after-${frame}.jpg`), whole ? "The finished plan" : `The canvas after ${done} strokes`);
-    canvas.captions({ plan: plan.wish.together ? "The bare canvas" : whole ? `Plan ${plan.number}` : `Plan ${plan.number}, after ${count(frame, "stroke", "strokes")}${done === frame ? "" : `; the outlined stroke is number ${done}`}` });
+    canvas.captions({ plan: plan.wish.together ? "The bare canvas" : whole ? nameOf(plan) : `${nameOf(plan)}, after ${count(frame, "stroke", "strokes")}${done === frame ? "" : `; the outlined stroke is number ${done}`}` });
     const paths = await strokesOf(plan);
     if (plan !== current() && plan.number !== chosen) return;
     const paint = paths && done > 0 ? plan.made.palette[paths.paint[done - 1]] : null;
@@ -67,16 +78,32 @@ export function planStage(house, here, first) {
 
   function planCard(plan) {
     const picture = plan.made ? api.file(here.id, plan.number, `after-${plan.made.frames.at(-1)}.jpg`) : plan.growing && api.file(here.id, plan.number, plan.growing);
-    const said = { waiting: "waits in the queue", planning: `${Math.round(100 * plan.share)} %`, ready: `${Math.round(100 * (plan.made?.nearer ?? 0))} % closer to the goal than a bare canvas`, failed: "failed", stopped: "stopped" }[plan.status];
-    return h("li", {}, h("button", { type: "button", "aria-pressed": String(plan.number === chosen), onclick: () => choose(plan.number) },
+    const words = {
+      waiting: "waits in the queue", failed: "failed", stopped: "stopped",
+      planning: plan === growing() ? `${Math.round(100 * plan.share)} %` : "comes next",
+      ready: plan.wish.variant && plan.made ? `${summary(plan.wish, plan.made)}, ${house.pace.known ? "about" : "roughly"} ${timeOf(plan).replace(" ", "\u00a0")}`
+        : `${Math.round(100 * (plan.made?.nearer ?? 0))} % closer to the goal than a bare canvas`,
+    }[plan.status];
+    return h("li", {}, h("button", { type: "button", "data-name": plan.number, "aria-pressed": String(plan.number === chosen), onclick: () => choose(plan.number) },
       h("span", { class: "frame" }, picture ? h("img", { src: picture, alt: "" }) : h("span", { class: "bare" })),
-      h("strong", {}, `Plan ${plan.number}`), h("small", {}, said)));
+      h("strong", {}, nameOf(plan)), h("small", {}, words)));
+  }
+
+  const growing = () => state.plans.find((plan) => plan.status === "planning");
+
+  /** The plans of the last order: one, or variants. */
+  const ordered = () => state.plans.slice(state.plans.map((plan) => plan.beside).lastIndexOf(false));
+
+  function tellVariants(order = ordered()) {
+    const made = order.filter((plan) => plan.made).length;
+    const sentence = order.length < 2 ? "" : `Ready: ${made} of ${order.length} variants.${made ? " Choose one." : ""}`;
+    if (said.textContent !== sentence) said.textContent = sentence; // it is read aloud
   }
 
   /** Plans again, when the pictures of the wish have been taken in. @param {{ settled: () => Promise<boolean> } | null} form */
-  async function another(wish, form = null) {
+  async function another(wish, form = null, variants = false) {
     if (form && !(await form.settled())) return;
-    await house.attempt(() => api.post(`/api/paintings/${here.id}/plans`, wish));
+    await house.attempt(() => api.post(`/api/paintings/${here.id}/plans${variants ? "?variants=true" : ""}`, wish));
   }
 
   function paletteList(plan) {
@@ -96,11 +123,22 @@ export function planStage(house, here, first) {
       h("h2", {}, "To buy"), h("ul", {}, plan.made.shopping.map((tubes) => h("li", {}, tubes))));
   }
 
+  const wished = (plan) => [plan.wish.variant && !plan.made ? null : h("p", { class: "label" }, summary(plan.wish, plan.made)), h("h2", {}, "The goal"), goals];
+
+  /** The form for another plan with another goal, open if it was begun. */
+  function changing(plan) {
+    if (!changes.has(plan.number)) changes.set(plan.number, structuredClone(plan.wish));
+    const wish = changes.get(plan.number);
+    const open = JSON.stringify(wish) !== JSON.stringify(plan.wish);
+    const form = wishForm(house, wish, () => {}, { ondraw: (use) => sketch(plan, use) });
+    return h("details", { open, "data-for": "plan" }, h("summary", {}, "Change the goal"), form.element,
+      h("button", { type: "button", class: "button second wide", disabled: state.working, onclick: () => another(wish, form) }, "Plan with these changes"));
+  }
+
   function planning(plan) {
     show(panel, h("h1", {}, plan.wish.together ? "Prepare" : "Review the plan"),
       h("p", {}, plan.wish.together ? "The program chooses paints to begin with. The robot does not move yet." : "The program plans the strokes: it places them, optimises them and chooses the colours. The robot does not move yet."),
-      h("progress", { max: 1, "aria-label": "Planning" }), h("p", { class: "left label" }),
-      h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The goal"), goals);
+      h("progress", { max: 1, "aria-label": "Planning" }), h("p", { class: "left label" }), wished(plan));
   }
 
   /** A drawing over the plan, which becomes a part of the goal of another plan. */
@@ -128,28 +166,24 @@ export function planStage(house, here, first) {
     tell();
     stopWaiting = house.work.listen(tell);
     show(panel, h("h1", {}, "Review the plan"), h("p", {}, "The painter is busy with other paintings. This plan waits in the queue and is begun by itself."), place,
-      h("p", { "data-for": "plan" }, h("button", { type: "button", class: "button second", onclick: () => unqueue() }, "Remove from the queue")),
-      h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The goal"), goals);
+      h("p", { "data-for": "plan" }, h("button", { type: "button", class: "button second", onclick: () => unqueue() }, "Remove from the queue")), wished(plan));
   }
 
   const unqueue = () => house.attempt(() => api.post(`/api/queue/${here.id}/remove`));
 
   function ready(plan) {
     const again = { ...plan.wish, seed: (Math.max(...state.plans.map((other) => other.wish.seed)) + 1) % 2147483647 };
-    if (!changes.has(plan.number)) changes.set(plan.number, structuredClone(plan.wish));
-    const wish = changes.get(plan.number);
-    const differs = JSON.stringify(wish) !== JSON.stringify(plan.wish);
-    const form = wishForm(house, wish, () => {}, { ondraw: (use) => sketch(plan, use) });
     show(panel, h("h1", {}, "Review the plan"),
       h("p", {}, "This is what the robot will paint. Move the slider under the canvas to see the plan stroke by stroke."),
-      plan.made ? h("p", { class: "label" }, `Painting it takes ${house.pace.known ? "about" : "very roughly"} ${duration(toPaint(corrected(house.pace, plan.wish, plan.made.seconds), asPainted(house, plan.wish)))}${house.pace.known ? "" : "; nothing was painted here yet from which it could be known"}.`) : null,
+      plan.made ? h("p", { class: "label" }, `Painting it takes ${house.pace.known ? "about" : "very roughly"} ${timeOf(plan)}${house.pace.known ? "" : "; nothing was painted here yet from which it could be known"}.`) : null,
       plan.made ? mainAction(h("button", { type: "button", class: "button wide", "data-for": "operate", "aria-keyshortcuts": "u", onclick: () => here.go("prepare") }, `Use plan ${plan.number}`)) : null,
       house.role === "plan" && plan.made ? h("p", { class: "label" }, "You plan here. Somebody who may move the robot starts the painting.") : null,
       h("h2", { "data-for": "plan" }, "Other plans"),
-      h("p", { "data-for": "plan" }, h("button", { type: "button", class: "button second", disabled: state.working, "aria-keyshortcuts": "a", onclick: () => another(again) }, "Make another plan")),
-      h("details", { open: differs, "data-for": "plan" }, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working, onclick: () => another(wish, form) }, "Plan with these changes")),
-      h("p", { class: "label" }, summary(plan.wish)),
-      h("h2", {}, "The goal"), goals, (plan.made?.remarks ?? []).map((sentence) => h("p", { class: "label" }, sentence)),
+      h("p", { class: "actions-row", "data-for": "plan" },
+        h("button", { type: "button", class: "button second", disabled: state.working, "aria-keyshortcuts": "a", onclick: () => another(again) }, "Make another plan"),
+        h("button", { type: "button", class: "quiet", disabled: state.working, onclick: () => another(again, null, true) }, variantsInWords(house)),
+        plan.wish.variant ? h("button", { type: "button", class: "quiet", disabled: state.working, onclick: () => another({ ...again, variant: "" }) }, "One plan as usual") : null),
+      changing(plan), wished(plan), (plan.made?.remarks ?? []).map((sentence) => h("p", { class: "label" }, sentence)),
       plan.made ? [h("h2", {}, "The palette"), paletteList(plan), h("h2", {}, "Downloads"), h("ul", { class: "files" }, TAKEN.map(([name, label]) => h("li", {}, h("a", { href: api.file(here.id, plan.number, name), download: name }, label))))] : null);
   }
 
@@ -158,19 +192,15 @@ export function planStage(house, here, first) {
     show(panel, h("h1", {}, "Draw together"),
       h("p", {}, "There is no plan to review. A person begins with strokes of their own, and the robot continues in their spirit."),
       h("p", {}, "Somebody who may move the robot prepares the easel and starts."),
-      h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The palette"), paletteList(plan));
+      h("p", { class: "label" }, summary(plan.wish, plan.made)), h("h2", {}, "The palette"), paletteList(plan));
   }
 
   /** The planning was stopped, or it failed. */
   function broken(plan) {
-    if (!changes.has(plan.number)) changes.set(plan.number, structuredClone(plan.wish));
-    const wish = changes.get(plan.number);
-    const form = wishForm(house, wish, () => {}, { ondraw: (use) => sketch(plan, use) });
     show(panel, h("h1", {}, plan.status === "stopped" ? "You stopped the planning" : "The planning failed"),
       h("p", {}, `Plan ${plan.number} is not finished${plan.status === "stopped" ? "" : "; what went wrong is said above"}.${house.role === "watch" ? "" : " Plan again, or change the goal first."}`),
       mainAction(h("button", { type: "button", class: "button wide", disabled: state.working, "data-for": "plan", "aria-keyshortcuts": "a", onclick: () => another(plan.wish) }, "Plan again")),
-      h("details", { "data-for": "plan" }, h("summary", {}, "Change the goal"), form.element, h("button", { type: "button", class: "button second wide", disabled: state.working, onclick: () => another(wish, form) }, "Plan with these changes")),
-      h("p", { class: "label" }, summary(plan.wish)), h("h2", {}, "The goal"), goals);
+      changing(plan), wished(plan));
   }
 
   function prepare(plan) {
@@ -178,7 +208,7 @@ export function planStage(house, here, first) {
     const allow = () => {
       const all = boxes.every((box) => box.checked);
       start.disabled = state.working || !all;
-      first.textContent = all ? "" : "Look at the easel first, and tick both boxes.";
+      first.textContent = all ? (state.stage === "planning" ? "Wait for the other variants, or press Stop." : "") : "Look at the easel first, and tick both boxes.";
     };
     const first = h("p", { class: "label", role: "status" });
     const start = h("button", { type: "button", class: "button wide", disabled: true, onclick: () => {
@@ -212,7 +242,7 @@ export function planStage(house, here, first) {
     const last = /** @type {PlanState} */ (state.plans.at(-1)); // a painting begins with one
     if (chosen === null || last.number > newest) {
       newest = last.number;
-      chosen = last.number;
+      chosen = ordered()[0].number;
     }
     const plan = current();
     if (plan.wish.together && plan.made && step === "plan" && house.role === "operate") { queueMicrotask(() => here.go("prepare")); return; } // there is no plan to review
@@ -235,7 +265,8 @@ export function planStage(house, here, first) {
     }
     allowStart();
     scrubbing.hidden = !plan.made || Boolean(preparing || plan.wish.together);
-    others.hidden = state.plans.length < 2 || Boolean(preparing);
+    strip.hidden = state.plans.length < 2 || Boolean(preparing);
+    tellVariants();
     const cards = JSON.stringify(state.plans.map((other) => [other.number, other.status, Math.round(20 * other.share), other.number === chosen]));
     if (cards !== others.dataset.shown) {
       others.dataset.shown = cards;
@@ -249,11 +280,11 @@ export function planStage(house, here, first) {
         const begun = plan.share >= 0.02;
         if (begun) bar.value = plan.share;
         else bar.removeAttribute("value"); // it moves, but nowhere
-        panel.querySelector(".left").textContent = !begun && !(plan.share === 0 && plan.left) ? plan.said || "loading the planner and its networks" : `about ${duration(plan.left)} left`;
+        panel.querySelector(".left").textContent = plan !== growing() ? "comes next" : !begun && !(plan.share === 0 && plan.left) ? plan.said || "loading the planner and its networks" : `about ${duration(plan.left)} left`;
       }
     }
     if (!plan.made) canvas.captions({ plan: "The plan as far as it came" });
   }
 
-  return { elements: [easel, padPlace, panel, others], update, close: () => stopWaiting() };
+  return { elements: [strip, easel, padPlace, panel], update, close: () => stopWaiting() };
 }

@@ -7,7 +7,7 @@ import { brushWords } from "../../../src/frida_painter_studio/static/easelstate.
 import { corrected, toPaint, toPlan } from "../../../src/frida_painter_studio/static/estimate.js";
 import { KINDS, learnKinds, mainTerm, nearestWeight, weights } from "../../../src/frida_painter_studio/static/goal.js";
 import { cardFacts, linesOf } from "../../../src/frida_painter_studio/static/keepsake.js";
-import { outcome } from "../../../src/frida_painter_studio/static/looks.js";
+import { outcome } from "../../../src/frida_painter_studio/static/paint.js";
 import { placeOf } from "../../../src/frida_painter_studio/static/queue.js";
 import { brushesInWords, holds, nearestStep, oneBrush } from "../../../src/frida_painter_studio/static/settings.js";
 import { need, turn } from "../../../src/frida_painter_studio/static/needs.js";
