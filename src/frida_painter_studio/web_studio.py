@@ -294,8 +294,7 @@ class Studio:
             raise Interrupted("The painter is at work on this painting already.")
         if not status.resumable:
             raise Interrupted("There is nothing to go on with: no stroke was painted yet.")
-        plan = self.feeds.view(folder, PaintingPage, lambda state, truth: state.plan)
-        sittings = self._fold(entry).sittings
+        plan, sittings = self.feeds.view(folder, PaintingPage, lambda page, truth: (page.plan, page.painting.sittings))
         robot = sittings.settings.get("robot")
         if robot != self.easel.robot:
             raise ConfigError(

@@ -25,8 +25,7 @@ def variant_of(spec: RunSpec, name: str, held: Set[str] | None = None) -> RunSpe
     given = (spec.model_fields_set if held is None else held) | (_OF_PALETTE if spec.palette is not None else set())
     wanted = {key: value for key, value in VARIANTS.get(name, {}).items() if key not in given}
     brushes = wanted.pop("brushes", None)
-    for most in wanted.keys() & {"strokes", "colors"}:
-        wanted[most] = min(wanted[most], getattr(spec, most))
+    wanted |= {most: min(wanted[most], getattr(spec, most)) for most in wanted.keys() & {"strokes", "colors"}}
     varied = spec.with_values(**wanted)
     several = brushes is not None and spec.strokes_of is None and "," in varied.usual_brushes
     return varied.with_values(brushes=brushes) if several else varied

@@ -76,7 +76,7 @@ class Began(Event):
 
     "results": the robot no longer moves; film, page and exports of a painting are being made.
 
-    name: of the step.
+    name: of the step; "beside" for a plan that was ordered together with the one before.
     plan: number of the plan that it is about, 0 for none.
     detail: request, or other facts.
     """
