@@ -354,7 +354,7 @@ def test_one_of_three_variants_is_chosen_and_painted(opens: Open, studio: Served
         sees(page, re.compile("You stopped"), patience=LONG)
         painted = folder_of(studio, page.url.rpartition("/")[2])
     assert json.loads((painted / "plans/6/.settings.json").read_text())["new_paints"] is False
-    assert (painted / "painting").exists() and not (painted / "plans/5/.settings.json").exists()
+    assert not (painted / "plans/5/.settings.json").exists()
 
 
 def test_a_person_paints_asks_for_a_boat_and_what_they_painted_outlives_a_killed_painter(

@@ -57,12 +57,19 @@ export function canvasView(wish, names) {
     tell();
   }
 
-  /** Shows a picture once it is there; the one before stays until then. */
+  /** Shows a picture once it is there; the one before stays until then. None for "". */
   async function picture(name, url, alt) {
     const layer = layers[name];
     layer.element.alt = alt;
     layer.wanted = url;
-    if (url === layer.shown || !url) return;
+    if (url === layer.shown) return;
+    if (!url) {
+      layer.element.removeAttribute("src");
+      layer.shown = url;
+      stops[names.indexOf(name)].disabled = true;
+      tell();
+      return;
+    }
     const next = new Image();
     next.src = url;
     try {

@@ -274,7 +274,7 @@ export function planStage(house, here, first) {
     }
     if (!plan.made) {
       canvas.highlight(null, null);
-      if (plan.growing) canvas.picture("plan", api.file(here.id, plan.number, plan.growing), "The plan so far");
+      canvas.picture("plan", plan.growing ? api.file(here.id, plan.number, plan.growing) : "", "The plan so far");
       const bar = panel.querySelector("progress");
       if (bar) {
         const begun = plan.share >= 0.02;
