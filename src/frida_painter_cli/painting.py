@@ -15,7 +15,7 @@ from frida_painter.errors import ConfigError, Interrupted
 from frida_painter.planning.settings import PlanSettings
 from frida_painter.runs.options import PaceOption, taking, whole_number_within, with_fields
 from frida_painter.runs.spec import OF_PAINTINGS
-from frida_painter.runs.variants import VARIANT, VARIANTS, variant_of
+from frida_painter.runs.variant_settings import VARIANT, VARIANTS, variant_of
 from frida_painter_cli.imagining import imagine_beginning
 from frida_painter_cli.options import (
     TAKEN,

@@ -21,7 +21,7 @@ from frida_painter.runs.painting_folder import new_folder
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import paints_for_recipes
 from frida_painter.runs.spec import RunSpec
-from frida_painter.runs.variants import VARIANT, VARIANTS, variant_of
+from frida_painter.runs.variant_settings import VARIANT, VARIANTS, variant_of
 from frida_painter.session.choreography import BrushLoad, Choreography, reckon
 from frida_painter.session.rehearsal import FlatbedWorkspace
 from frida_painter.session.time_left import share_of_plan

@@ -22,7 +22,7 @@ from frida_painter.easel.kinds import JOURNAL, LIVE, LIVE_PICTURE, REGIONS, STOP
 from frida_painter.errors import ConfigError, StorageError
 from frida_painter.planning.fields import brush_shares, family_shares
 from frida_painter.runs.spec import RunSpec, without_former
-from frida_painter.runs.variants import VARIANTS, variant_of
+from frida_painter.runs.variant_settings import VARIANTS, variant_of
 from frida_painter.session.events import Event, events_of, time_of
 from frida_painter.system import locks, storage
 from frida_painter.system.event_log import LogReader

@@ -13,7 +13,7 @@ from frida_painter.easel.kinds import GIVEN
 from frida_painter.errors import ConfigError, FridaError, Interrupted
 from frida_painter.objectives.objective import Gives, goal_kinds
 from frida_painter.registry import are_here
-from frida_painter.runs.variants import VARIANTS
+from frida_painter.runs.variant_settings import VARIANTS
 from frida_painter.session.events import Began
 from frida_painter.session.fold import PaintingState
 from frida_painter_studio import picture_choosing, studio_folder

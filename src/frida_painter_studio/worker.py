@@ -22,7 +22,7 @@ from frida_painter.runs.painting_easel import with_operator
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import paints_for_recipes
 from frida_painter.runs.spec import RunSpec
-from frida_painter.runs.variants import VARIANT
+from frida_painter.runs.variant_settings import VARIANT
 from frida_painter.session import events
 from frida_painter.session.opening import adopt_camera, statuses
 from frida_painter.session.time_left import PlanTime, share_of_plan

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from frida_painter.runs.spec import RunSpec
-from frida_painter.runs.variants import VARIANTS, variant_of
+from frida_painter.runs.variant_settings import VARIANTS, variant_of
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images
 from support.commandline import run_command

@@ -20,7 +20,7 @@ import frida_painter_studio as web
 from frida_painter import registry
 from frida_painter.hardware.latch import Latch, latch_path
 from frida_painter.registry import VARIABLE
-from frida_painter.runs.variants import VARIANTS
+from frida_painter.runs.variant_settings import VARIANTS
 from frida_painter.session.events import ResultFound, Stopped, StrokePainted
 from frida_painter.session.journal import Journal
 from frida_painter.system import locks

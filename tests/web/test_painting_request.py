@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from frida_painter.errors import ConfigError
 from frida_painter.runs.goal_item import GoalItem
 from frida_painter.runs.spec import RunSpec
-from frida_painter.runs.variants import VARIANTS, variant_of
+from frida_painter.runs.variant_settings import VARIANTS, variant_of
 from frida_painter_studio.form import SETTINGS
 from frida_painter_studio.studio_folder import GoalRequest, PaintingRequest
 from frida_painter_studio.web_app_easel import WebAppEasel
