@@ -25,8 +25,11 @@ def main() -> NoReturn:
         heard.append(number)
         raise KeyboardInterrupt
 
-    every = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    signals = [number for number in every if signal.getsignal(number) is not signal.SIG_IGN]  # as nohup ignores SIGHUP
+    from frida_painter.system.operating_system import HANGUP, SIGNALS, why_unfit
+
+    if why := why_unfit():
+        sys.exit(f"frida-painter: {why}")
+    signals = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as by nohup
     for number in signals:
         signal.signal(number, end)
     try:
@@ -44,7 +47,7 @@ def main() -> NoReturn:
     for number in signals:  # the program ends already; further signals change nothing
         signal.signal(number, signal.SIG_IGN)
     cause = heard[0] if heard else signal.SIGINT
-    if cause == signal.SIGHUP:
+    if cause == HANGUP:
         from frida_painter_cli.stop_signal import leave_terminal
 
         leave_terminal(terminal)

@@ -194,7 +194,7 @@ def main() -> None:
         status = 2
     except BrokenPipeError:  # the reader of the output has closed it
         leave_terminal((1,))
-        status = 128 + signal.SIGPIPE
+        status = 128 + 13  # SIGPIPE
     except OSError as error:
         _complain(f"{abridge(str(error.filename or 'The system'))}: {error.strerror or error}; nothing more was done.")
         status = 2

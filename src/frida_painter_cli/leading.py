@@ -1,6 +1,5 @@
 """Control of a painting from the terminal: progress, pauses, questions and the final report."""
 
-import select
 import sys
 import threading
 import time
@@ -29,6 +28,7 @@ from frida_painter.session.fold import ENDS, PaintingState, require_journal
 from frida_painter.session.time_left import duration
 from frida_painter.system import locks, storage
 from frida_painter.system.event_log import LogReader
+from frida_painter.system.operating_system import is_typed
 from frida_painter.system.storage import count_of
 from frida_painter_cli.options import Wells, ask_at_terminal
 from frida_painter_cli.stop_signal import StopSignal
@@ -187,7 +187,7 @@ class Leader:
         if session is not None and session.is_button_pressed():
             return True
         if self._asks:
-            if not select.select([sys.stdin], [], [], 0)[0]:
+            if not is_typed(sys.stdin.fileno(), 0):
                 return None
             self._asks = bool(sys.stdin.readline())  # else the terminal was closed
             return self._asks or None

@@ -1,7 +1,6 @@
 """Options of `paint` and `plan`: made from RunSpec and the kinds of goals, and read back into a RunSpec."""
 
 import inspect
-import select
 import sys
 from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
@@ -25,6 +24,7 @@ from frida_painter.planning.settings import SettingSection, about, help_of, usua
 from frida_painter.registry import Later
 from frida_painter.runs.options import any_number, camera_name, out_file, out_folder, taking, whole_number
 from frida_painter.runs.spec import OF_PLANS, GoalSettings, RunSpec
+from frida_painter.system.operating_system import is_typed
 from frida_painter_cli.imagining import ImaginingSettings
 
 if TYPE_CHECKING:
@@ -367,7 +367,7 @@ def ask_at_terminal(prompt: str, stop_asked: Callable[[], bool]) -> str:
     Raises EOFError if nobody can type, Interrupted after a stop.
     """
     print(prompt, end="", flush=True)
-    while sys.stdin.isatty() and not select.select([sys.stdin], [], [], _GLANCE)[0]:
+    while sys.stdin.isatty() and not is_typed(sys.stdin.fileno(), _GLANCE):
         if stop_asked():
             print()
             raise Interrupted("You stopped; what was painted is kept.")

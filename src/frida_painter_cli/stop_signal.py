@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
+from frida_painter.system.operating_system import HANGUP, SIGNALS
+
 OF_PAINTING = (
     "Stopping after this stroke. Once more stops the robot at once.",
     "The robot was stopped at once; writing down what there is.",
 )
 """Lines for the first and the second Ctrl-C during a painting."""
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class StopSignal:
@@ -45,13 +46,13 @@ class StopSignal:
     def hear(self, number: int, frame: FrameType | None) -> None:
         """Handles a signal.
 
-        SIGHUP and the first SIGINT ask to stop; SIGTERM and the second SIGINT stop the robot at once. A third
+        SIGHUP and the first SIGINT ask to stop; SIGTERM, SIGBREAK and the second SIGINT stop the robot at once. A third
         SIGINT raises KeyboardInterrupt, which ends the program.
         """
         self.asked, self.signal = True, self.signal or number
-        if number == signal.SIGHUP:
+        if number == HANGUP:
             leave_terminal(self.terminal)
-        elif number == signal.SIGTERM:
+        elif number != signal.SIGINT:
             self.at_once()
         else:
             self._interrupts += 1
@@ -71,7 +72,7 @@ def stop_on_signals(lines: tuple[str, str] = OF_PAINTING) -> Iterator[StopSignal
     lines: told at the first and the second Ctrl-C
     """
     stop = StopSignal(lines)
-    heard = [number for number in _SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as by nohup
+    heard = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as by nohup
     before = {number: signal.signal(number, stop.hear) for number in heard}
     try:
         yield stop

@@ -5,7 +5,6 @@ A task is some runs of a folder, whose requests are in its files: only their key
 
 import os
 import queue
-import signal
 import subprocess
 import threading
 import traceback
@@ -17,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter.errors import FridaError, ProcessLost, TryFailed, WorkerUnfit
-from frida_painter.system import python_process
+from frida_painter.system import operating_system, python_process
 from frida_painter.system.messages import Wire, decode_error, encode_error
 from frida_painter.system.python_process import in_own_process
 from frida_painter_lab.runs import Run
@@ -78,7 +77,7 @@ def slots_here(limits: TaskLimits, most: int | None = None) -> int:
     most: upper limit; None for no limit
     """
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2**20
+    memory = operating_system.memory_here() // 2**20
     return max(1, min(cores // limits.threads, memory // limits.memory, most or cores))
 
 
@@ -198,7 +197,7 @@ class _Worker:
         with self._turn:
             if self._started is None and not self.is_over:
                 given = {"work": self._work, "threads": self._limits.threads}
-                self._started = python_process.start_function(_DO_TASKS, given, start_new_session=True)
+                self._started = python_process.start_function(_DO_TASKS, given, **operating_system.APART)
                 self._is_ready = False
             if self._started is None:
                 raise ProcessLost("its work is over")
@@ -225,5 +224,4 @@ class _Worker:
     def _kill(self) -> None:
         with self._turn:
             if self._started is not None:
-                with suppress(OSError):
-                    os.killpg(self._started[0].pid, signal.SIGKILL)
+                operating_system.end_group(self._started[0])

@@ -20,13 +20,13 @@ def decode_upload(content: bytes) -> bytes:
 
     from frida_painter.system import picture_file
 
-    with tempfile.NamedTemporaryFile(prefix="upload-") as file:
-        file.write(content)
-        file.flush()
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "upload")
+        path.write_bytes(content)
         try:
-            pixels = picture_file.decode(Path(file.name), most_pixels=_MAX_PIXELS, longest=_LONGEST)
+            pixels = picture_file.decode(path, most_pixels=_MAX_PIXELS, longest=_LONGEST)
         except ImageError as trouble:
-            raise ImageError(str(trouble).replace(file.name, "The file")) from trouble
+            raise ImageError(str(trouble).replace(str(path), "The file")) from trouble
     if pixels.dtype.kind == "f":
         pixels = (pixels.clip(0, 1) * 255).round()
     made = BytesIO()

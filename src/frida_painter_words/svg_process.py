@@ -1,9 +1,9 @@
 """Drawing of an SVG, in a process with limits of time and memory, which imports only what draws."""
 
-import resource
 from xml.etree import ElementTree
 
 from frida_painter.errors import ImageError
+from frida_painter.system import operating_system
 from frida_painter.system.python_process import ProcessLimits, in_own_process
 
 SIDE = 512  # pixels of the longer side of a page and its margin
@@ -18,10 +18,14 @@ def draw(svg: bytes, name: str) -> bytes:
     """
     import resvg_py
 
-    resource.setrlimit(resource.RLIMIT_NOFILE, (0, 0))  # no link can be followed: no file or socket can be opened
-    text = svg.decode("utf-8", "replace")
+    # No link can be followed: no file or socket can be opened, or, on Windows, there is none.
+    is_closed, text = operating_system.forbid_files(), svg.decode("utf-8", "replace")
     try:
-        page = ElementTree.fromstring(text).get("viewBox") or "0 0"
+        drawing = ElementTree.fromstring(text)
+        links = (link for each in drawing.iter() for name, link in each.items() if name.endswith("href"))
+        if not is_closed and not all(link.lstrip().startswith(("#", "data:")) for link in links):
+            raise ValueError("it has links to files")
+        page = drawing.get("viewBox") or "0 0"
         left, top, *_ = map(float, page.replace(",", " ").split())
         # resvg puts the origin of a transformation at half the page's size, as if the page began at zero.
         move = f"translate({(1 - _PAGE) * left} {(1 - _PAGE) * top}) scale({_PAGE})"

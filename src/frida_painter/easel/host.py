@@ -37,6 +37,7 @@ from frida_painter.hardware.robot import LiveCamera
 from frida_painter.system import storage
 from frida_painter.system.devices import prepare_process
 from frida_painter.system.messages import Wire
+from frida_painter.system.operating_system import SIGNALS
 from frida_painter.system.python_process import in_own_process
 
 # The live picture: the camera's current picture in a file, renewed about once a second, for people to watch.
@@ -94,8 +95,8 @@ def serve_easel(wire: Wire, line: socket.socket, name: str) -> None:
     name: of the easel that will be ordered; "" if it is not known yet
     """
     # Ctrl-C and a closed terminal concern the painting process, which then tells this one what to do.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    for number in {*SIGNALS} - {signal.SIGTERM}:
+        signal.signal(number, signal.SIG_IGN)
     prepare_process()
     load_easel(name)
     order = _read_order(wire.receive()[0])

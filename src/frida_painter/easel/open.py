@@ -34,6 +34,7 @@ from frida_painter.hardware.kinds import CameraKind, MachineName, RobotKind, by_
 from frida_painter.hardware.robot import Camera, Reach, Robot, Workspace
 from frida_painter.hardware.workcell import WorkcellConfig
 from frida_painter.system import storage
+from frida_painter.system.operating_system import write_at
 
 
 def open_easel(order: EaselOrder) -> OpenEasel:
@@ -104,7 +105,7 @@ def hold_machines(stack: ExitStack, state: Path, identities: Iterable[str]) -> N
 def _sign(file: int) -> None:
     with contextlib.suppress(OSError):  # the lock holds without the process id, too
         os.ftruncate(file, 0)
-        os.pwrite(file, str(os.getpid()).encode(), 0)
+        write_at(file, str(os.getpid()).encode(), 0)
 
 
 def _signature(path: Path) -> int | None:

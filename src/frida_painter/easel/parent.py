@@ -5,7 +5,6 @@ It starts before the heavy imports here: both processes then load at the same ti
 
 import math
 import signal
-import socket
 import subprocess
 import tempfile
 from collections.abc import Callable, Iterator
@@ -14,7 +13,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from frida_painter.errors import FridaError, ProcessLost, RobotDisconnected, RobotError
-from frida_painter.system import python_process
+from frida_painter.system import operating_system, python_process
 from frida_painter.system.messages import decode_error
 
 if TYPE_CHECKING:
@@ -33,14 +32,14 @@ class EaselProcess:
     """
 
     def __init__(self, robot: str = "") -> None:
-        self._line, its_line = socket.socketpair()
+        self._line, its_line = operating_system.socket_pair()
         # Its error output is never shown on the painter's terminal.
         self._complaints = tempfile.TemporaryFile()  # noqa: SIM115 (closed with the process)
         with its_line:
             self._process, self._wire = python_process.start_function(
                 "frida_painter.easel.host:serve_easel", {"line": its_line, "name": robot},
                 stdout=subprocess.DEVNULL, stderr=self._complaints,
-                start_new_session=True,  # Ctrl-C at the terminal is for the painting process only
+                **operating_system.APART,  # Ctrl-C at the terminal is for the painting process only
             )  # fmt: skip
         self._link: Link | None = None
         self._opened = self._over = False

@@ -230,7 +230,7 @@ class Watch:
     def _lend(self) -> None:
         """Sends the machine's line to the painting process, whenever it changes."""
         line = self._robot.stop_line()
-        if line == self._lent:
+        if line == self._lent or not hasattr(socket, "send_fds"):  # Windows hands no line on
             return
         content, files = (b"", []) if line is None else (line.content, [line.file])
         with contextlib.suppress(OSError):  # closed in this moment, or nobody reads: tried again at the next look
@@ -257,8 +257,8 @@ class Watch:
                 self._rule.hear(now)
             elif byte == STOP[0]:
                 self._robot.stop("the painting process asked for it")
-            elif byte == signal.SIGTERM:
-                self._robot.stop("the painting process was told to end (SIGTERM)")
+            elif byte in (signal.SIGTERM, getattr(signal, "SIGBREAK", None)):
+                self._robot.stop(f"the painting process was told to end ({signal.Signals(byte).name})")
             elif byte == signal.SIGINT:
                 self._interrupts += 1
                 if self._interrupts == 2:
@@ -362,7 +362,8 @@ class Pulse:
         try:
             if not select.select([self._line], [], [], BEAT_EVERY)[0]:
                 return False
-            content, files, *_ = socket.recv_fds(self._line, 4096, 8)
+            hears = hasattr(socket, "recv_fds")
+            content, files, *_ = socket.recv_fds(self._line, 4096, 8) if hears else (self._line.recv(4096), [])
         except BlockingIOError:
             return False
         except (OSError, ValueError):  # the other end died with bytes unread, or this one was closed

@@ -21,6 +21,7 @@ from platformdirs import site_data_path
 
 from frida_painter.errors import StorageError
 from frida_painter.system import storage
+from frida_painter.system.operating_system import user
 
 HOW_TO_ARM = "look at it, free what has to be freed, then re-arm it: frida-painter arm"
 SHARED = "FRIDA_PAINTER_STOPS"
@@ -79,10 +80,10 @@ class Latch:
         """Stores a stop, flushed to the disk; an earlier reason stays. Raises StorageError."""
         stopped = StopRecord(self.easel, reason, time.time(), self.machines)
         if self._shared is not None and why_private(self._shared) is None:
-            path = self._shared / f"{self.path.stem}.{os.geteuid()}.json"
+            path = self._shared / f"{self.path.stem}.{user()}.json"
             with contextlib.suppress(StorageError, OSError):
                 _make_shared(self._shared)
-                if not os.path.lexists(path) or path.lstat().st_uid == os.geteuid():  # else its owner could delete it
+                if not os.path.lexists(path) or path.lstat().st_uid == user():  # else its owner could delete it
                     self._store(path, stopped)
                     return stopped
         self._store(self.path, stopped)

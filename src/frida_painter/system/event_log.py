@@ -20,7 +20,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from frida_painter.errors import StorageError
-from frida_painter.system import locks, storage
+from frida_painter.system import locks, operating_system, storage
 
 _CHECKSUM = 16  # hexadecimal digits
 _START = b"0" * _CHECKSUM
@@ -65,13 +65,13 @@ class EventLog:
     def __init__(self, path: Path, policy: LogPolicy = JOURNAL) -> None:
         self.path, self.policy = path, policy
         self._descriptor = -1
-        self._patience = _PATIENCE
+        self._patience, self._is_mine = _PATIENCE, False
         make = os.O_CREAT if policy.forgiving else 0
         try:
             if path.exists():
                 with storage.open_checked(path, policy.what, MAX_BYTES):  # refuses files that block, such as pipes
                     pass
-            self._descriptor = os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC | make, 0o644)
+            self._descriptor = operating_system.open_file(path, os.O_RDWR | make)
             with self._lock():
                 content = storage.read_bytes(path, policy.what, MAX_BYTES)
                 read = _forgiving(content) if policy.forgiving else _strict(content, path, policy.what)
@@ -169,11 +169,12 @@ class EventLog:
         Who waited once in vain does not wait again, so that a reader who locks a feed does not slow a painting down.
         """
         if self.policy.owned:
-            if not locks.take(self._descriptor, _A_MOMENT):
+            if not (self._is_mine or locks.take(self._descriptor, _A_MOMENT)):
                 holder = _find_holder(self.path)
                 raise StorageError(
                     f"{self.path} is being written by {holder}; wait until that painting has ended, or stop it."
                 )
+            self._is_mine = True
             yield
             return
         if not locks.take(self._descriptor, self._patience):
@@ -190,7 +191,7 @@ class EventLog:
         size = os.fstat(self._descriptor).st_size
         if self.policy.owned or size == self._length:
             return
-        added = os.pread(self._descriptor, size - self._length, self._length)
+        added = operating_system.read_at(self._descriptor, size - self._length, self._length)
         whole = added.rfind(b"\n") + 1
         if whole:
             last = added[added.rfind(b"\n", 0, whole - 1) + 1 :][:_CHECKSUM]
@@ -214,7 +215,7 @@ class EventLog:
         """Writes the line after the last complete record, over the remains of a failed write."""
         done = 0
         while done < len(line):
-            done += os.pwrite(self._descriptor, line[done:], self._length + done)
+            done += operating_system.write_at(self._descriptor, line[done:], self._length + done)
 
     def _require_there(self) -> None:
         """Raises OSError if the path names another file: writes would be lost."""
@@ -238,7 +239,7 @@ class EventLog:
                     file.write(
                         f"{locks.who()}, in process {os.getpid()}, since {datetime.now():%Y-%m-%d %H:%M}\n".encode()
                     )
-                    os.posix_fallocate(file.fileno(), 0, _RESERVE)
+                    operating_system.allocate(file.fileno(), _RESERVE)
             except OSError:
                 _reserve_path(self.path).unlink(missing_ok=True)  # an incomplete reserve would count as a complete one
                 raise
@@ -291,9 +292,9 @@ def _write_tally(path: Path, count: int, length: int, last: bytes) -> None:
     """
     told = b"%010d %012d %s" % (count, length, last)
     with contextlib.suppress(OSError):
-        descriptor = os.open(_tally_path(path), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        descriptor = operating_system.open_file(_tally_path(path), os.O_WRONLY | os.O_CREAT)
         try:
-            os.pwrite(descriptor, b"%s %s\n" % (told, _line_checksum(b"", told)), 0)
+            operating_system.write_at(descriptor, b"%s %s\n" % (told, _line_checksum(b"", told)), 0)
         finally:
             os.close(descriptor)
 

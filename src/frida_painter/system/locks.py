@@ -6,14 +6,21 @@ alone, and each wait ends. A lock belongs to the open file, which a child proces
 """
 
 import errno
-import fcntl
 import getpass
 import os
 import socket
 import time
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from frida_painter.errors import StorageError
+from frida_painter.system.operating_system import IS_WINDOWS, NOT_LINKS, open_file, user
+
+if IS_WINDOWS:
+    msvcrt: Any = import_module("msvcrt")
+else:
+    import fcntl
 
 _BETWEEN_TRIES = 0.02  # seconds
 _HELD = (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES)  # some network drives say the last one
@@ -21,8 +28,8 @@ _HELD = (errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES)  # some network drives s
 
 def open_lock(path: Path) -> int:
     """Opens a lock file, which nobody but its owner can open; makes it if it is missing. Raises OSError."""
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK, 0o600)
-    if os.fstat(descriptor).st_uid == os.geteuid():
+    descriptor = open_file(path, os.O_RDWR | os.O_CREAT | NOT_LINKS, 0o600)
+    if not IS_WINDOWS and os.fstat(descriptor).st_uid == user():
         os.fchmod(descriptor, 0o600)  # an earlier version let others open it
     return descriptor
 
@@ -37,7 +44,7 @@ def take(descriptor: int, seconds: float = 0.0, *, shared: bool = False) -> bool
     patience = time.monotonic() + seconds
     while True:
         try:
-            fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+            _lock(descriptor, shared=shared)
         except OSError as error:
             if error.errno not in _HELD:
                 raise StorageError(
@@ -54,7 +61,7 @@ def take(descriptor: int, seconds: float = 0.0, *, shared: bool = False) -> bool
 def is_held(path: Path) -> bool:
     """Returns True if a process holds the lock of this file; it takes the lock from nobody. Raises OSError."""
     try:
-        file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        file = open_file(path, os.O_RDONLY)
     except FileNotFoundError:
         return False
     try:
@@ -70,10 +77,34 @@ def who() -> str:
     try:
         name = getpass.getuser()
     except (OSError, KeyError):
-        name = str(os.getuid())
+        name = str(user())
     return f"{name}@{socket.gethostname()}"
 
 
 def release(descriptor: int) -> None:
     """Releases the lock of an open file, also for children that inherited it. Raises OSError."""
-    fcntl.flock(descriptor, fcntl.LOCK_UN)
+    if IS_WINDOWS:
+        os.lseek(descriptor, _BEHIND, os.SEEK_SET)
+        msvcrt.locking(descriptor, msvcrt.LK_UNLCK, _SHARES)
+    else:
+        fcntl.flock(descriptor, fcntl.LOCK_UN)
+
+
+# Windows locks bytes, for one process, and nobody else can read them: those behind the longest file are taken.
+_BEHIND, _SHARES = 2**31 - 2**10, 64
+
+
+def _lock(descriptor: int, *, shared: bool) -> None:
+    """Takes the lock of an open file without a wait. Raises OSError with an errno of `_HELD` if another has it."""
+    if not IS_WINDOWS:
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        return
+    for place in range(_SHARES if shared else 1):  # whoever shares it has one byte, otherwise all
+        os.lseek(descriptor, _BEHIND + place, os.SEEK_SET)
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1 if shared else _SHARES)
+        except OSError as error:
+            if error.errno not in _HELD or place == _SHARES - 1 or not shared:
+                raise
+        else:
+            return

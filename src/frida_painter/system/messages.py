@@ -9,7 +9,7 @@ import contextlib
 import inspect
 import json
 import math
-import select
+import selectors
 import socket
 import struct
 import sys
@@ -32,6 +32,7 @@ Arrays = dict[str, "NDArray[Any] | bytes"]
 _LENGTHS = struct.Struct("<II")  # of the object and of the arrays' bytes
 _MAX_WORDS = 2**20
 _MAX_BYTES = 2**28
+_Selector = getattr(selectors, "PollSelector", selectors.SelectSelector)  # the first takes files above 1023
 _KINDS = ("bytes", "|b1", "|u1", "<f4", "<f8")
 
 
@@ -83,8 +84,9 @@ class Wire:
 
     def waits(self, seconds: float) -> bool:
         """Returns True if a message came, or the other end closed, within `seconds`."""
-        (watched := select.poll()).register(self._socket, select.POLLIN)  # takes files above 1023, unlike select
-        return bool(watched.poll(1000 * seconds))
+        with _Selector() as watched:
+            watched.register(self._socket, selectors.EVENT_READ)
+            return bool(watched.select(seconds))
 
     def close(self) -> None:
         """Closes this end; the other end notices it."""

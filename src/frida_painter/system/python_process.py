@@ -14,7 +14,6 @@ import inspect
 import math
 import os
 import re
-import resource
 import signal
 import socket
 import subprocess
@@ -32,6 +31,7 @@ from pathlib import Path
 from typing import IO, Any, BinaryIO, Generic, ParamSpec, TypeVar, get_args, get_origin, get_type_hints
 
 from frida_painter.errors import FridaError, ProcessLost
+from frida_painter.system import operating_system
 from frida_painter.system.messages import Arrays, Wire, decode_error, encode_error, pack, unpack
 
 P = ParamSpec("P")
@@ -50,7 +50,7 @@ _SAFE, _OURS = "PYTHONSAFEPATH", "frida-painter"  # any text counts as yes; this
 
 def command(*arguments: object) -> list[str]:
     """Returns the command that runs Python with these arguments; to be run in `environment`."""
-    return [sys.executable, "-P", *map(str, arguments)]
+    return [operating_system.python()[0], "-P", *map(str, arguments)]
 
 
 def environment(**more: str) -> dict[str, str]:
@@ -70,7 +70,7 @@ def environment(**more: str) -> dict[str, str]:
     for name in kept.keys() & set(_FOLDERS):
         if entries := [*filter(None, map(absolute, kept.pop(name).split(os.pathsep)))]:
             kept[name] = os.pathsep.join(entries)
-    return {**kept, _SAFE: kept.get(_SAFE) or _OURS, **more}
+    return {**kept, _SAFE: kept.get(_SAFE) or _OURS, **operating_system.python()[1], **more}
 
 
 def environment_of_others() -> dict[str, str]:
@@ -78,9 +78,17 @@ def environment_of_others() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if (name, value) != (_SAFE, _OURS)}
 
 
-def start(*arguments: object, **options: Any) -> "subprocess.Popen[bytes]":
-    """Starts Python. options: those of `subprocess.Popen`; by default the process has no standard input."""
-    return subprocess.Popen(command(*arguments), **{"stdin": subprocess.DEVNULL, "env": environment(), **options})
+def start(*arguments: object, files: Sequence[Any] = (), **options: Any) -> "subprocess.Popen[bytes]":
+    """Starts Python.
+
+    files: open files and sockets that it inherits (operating_system.py)
+    options: those of `subprocess.Popen`; by default the process has no standard input
+    Raises OSError.
+    """
+    usual = {"stdin": subprocess.DEVNULL, "env": environment(), **operating_system.inheriting(files)}
+    process = subprocess.Popen(command(*arguments), **{**usual, **options})
+    operating_system.hand_sockets(process, files)
+    return process
 
 
 def watch_program(arguments: Sequence[str], watch: Callable[[], None], **options: Any) -> int:
@@ -91,7 +99,7 @@ def watch_program(arguments: Sequence[str], watch: Callable[[], None], **options
     Raises ProcessLost, with the reason alone, if the program cannot be started, and the errors of `watch`.
     """
     try:
-        program = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, start_new_session=True, **options)
+        program = subprocess.Popen(arguments, stdin=subprocess.DEVNULL, **operating_system.APART, **options)
     except (OSError, ValueError) as cause:
         raise ProcessLost(getattr(cause, "strerror", None) or str(cause)) from cause
     try:
@@ -100,8 +108,7 @@ def watch_program(arguments: Sequence[str], watch: Callable[[], None], **options
             time.sleep(_GLANCE)
         watch()  # what is small may have come between two glances
     finally:
-        with suppress(OSError):
-            os.killpg(program.pid, signal.SIGKILL)
+        operating_system.end_group(program)
         program.wait()
     return program.returncode
 
@@ -130,7 +137,8 @@ def prepare_forks() -> None:
         if torch := sys.modules.get("torch"):
             torch.set_num_threads(1)
 
-    os.register_at_fork(after_in_child=use_one_thread)
+    if hasattr(os, "register_at_fork"):
+        os.register_at_fork(after_in_child=use_one_thread)
 
 
 # Calls of functions in processes of their own.
@@ -158,13 +166,7 @@ class ProcessLimits:
 
     def apply(self) -> None:
         """Limits this process, for good; the time until the answer is for the other one to watch."""
-        kinds = resource.RLIMIT_AS, resource.RLIMIT_CPU, resource.RLIMIT_FSIZE
-        for kind, most in zip(kinds, (self.memory, self.processor, self.written), strict=True):
-            if most:
-                resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-                with suppress(ValueError):  # the system has no such limit, or a lower one
-                    resource.setrlimit(kind, (most, most))
-        os.nice(self.niceness)
+        operating_system.limit_process(self.memory, self.processor, self.written, self.niceness)
 
 
 @dataclass(frozen=True)
@@ -197,7 +199,7 @@ class OwnProcess(Generic[P, R]):
         with tempfile.TemporaryFile() as said:
             process, wire = start_function(
                 name, sent, self.limits, awaited=True,
-                stdout=subprocess.DEVNULL, stderr=said, env=environment(**self.variables), start_new_session=True,
+                stdout=subprocess.DEVNULL, stderr=said, env=environment(**self.variables), **operating_system.APART,
             )  # fmt: skip
             try:
                 while True:
@@ -209,8 +211,7 @@ class OwnProcess(Generic[P, R]):
                 raise describe_end(process, wire, lost, said) from lost
             finally:
                 wire.close()
-                with suppress(OSError):
-                    os.killpg(process.pid, signal.SIGKILL)
+                operating_system.end_group(process)
                 process.wait()
         if "error" in words:
             raise decode_error(words, FridaError)
@@ -249,15 +250,19 @@ def start_function(
     options: those of `subprocess.Popen`
     Raises ProcessLost if it cannot be started.
     """
-    near, far = socket.socketpair()
+    near, far = operating_system.socket_pair()
     arrays: Arrays = {}
-    files = {key: value.fileno() for key, value in given.items() if hasattr(value, "fileno")}
-    told = {key: files[key] if key in files else pack(value, None, arrays) for key, value in given.items()}
+    files = {key: value for key, value in given.items() if hasattr(value, "fileno")}
+    told = {
+        key: operating_system.number_of(value) if key in files else pack(value, None, arrays)
+        for key, value in given.items()
+    }
     wire = Wire(near)
     try:
         with far:
-            passed = [far.fileno(), *files.values()]
-            process = start("-m", "frida_painter.system.python_process", name, far.fileno(), pass_fds=passed, **options)
+            process = start(
+                "-m", "frida_painter.system.python_process", name, far.fileno(), files=[far, *files.values()], **options
+            )
     except OSError as cause:
         wire.close()
         raise ProcessLost(f"It cannot be started ({cause.strerror}).") from cause
@@ -292,7 +297,7 @@ def serve(name: str, file: int) -> None:
     marked = getattr(importlib.import_module(module), short, None) if _NAME.fullmatch(name) else None
     if not isinstance(marked, OwnProcess):
         raise ProcessLost(f"{name[:80]!r} is no function that is called in a process of its own.")
-    wire = Wire(socket.socket(fileno=file))
+    wire = Wire(operating_system.inherited_socket(file))
     words, arrays = wire.receive()
     if words["awaited"]:
         threading.Thread(target=_end_with_parent, args=(wire,), daemon=True).start()
@@ -319,8 +324,10 @@ def serve(name: str, file: int) -> None:
 
 def _argument(kind: Any, plain: Any, arrays: Arrays) -> Any:
     if kind is socket.socket:
-        return socket.socket(fileno=plain)
-    return os.fdopen(plain, "rb", buffering=0) if kind is BinaryIO else unpack(plain, kind, arrays)
+        return operating_system.inherited_socket(plain)
+    if kind is BinaryIO:
+        return os.fdopen(operating_system.inherited_file(plain), "rb", buffering=0)
+    return unpack(plain, kind, arrays)
 
 
 def _tell(wire: Wire, name: str, value: Any) -> None:

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from frida_painter.errors import ConfigError, FridaError, StorageError
+from frida_painter.system import operating_system
 
 MAX_JSON_BYTES = 32 * 2**20
 MAX_BYTES = 16 * 2**30
@@ -52,9 +53,9 @@ def replacing(path: Path, mode: int = 0o644) -> Iterator[Path]:
     try:
         yield temporary
         temporary.chmod(mode)
-        _flush(temporary)
-        temporary.replace(path)
-        _flush(path.parent)
+        operating_system.flush(temporary)
+        operating_system.replace(temporary, path)
+        operating_system.flush(path.parent)
     except OSError as error:
         raise cannot_write(path, error) from error
     finally:
@@ -142,8 +143,11 @@ def read_toml(path: Path, what: str, most: int, advice: str, error: type[FridaEr
 def read_bytes(path: Path, what: str, most: int, error: type[FridaError] = StorageError) -> bytes:
     """Returns the content of a file of at most `most` bytes. Raises `error` otherwise."""
     with open_checked(path, what, most, error) as file:
-        content = file.read(most + 1)
-        if len(content) > most:  # it grew, or is a system file without a size
+        usual = min(most, os.fstat(file.fileno()).st_size + 2**16) + 1  # memory for all of `most` may not be there
+        content = file.read(usual)
+        if len(content) == usual <= most:  # it grew, or is a system file without a size
+            content += file.read(most + 1 - usual)
+        if len(content) > most:
             raise error(f"{abridge(path)} has more than {most} bytes; {what} has at most {most}.")
         return content
 
@@ -169,7 +173,7 @@ def open_checked(path: Path, what: str, most: int, error: type[FridaError] = Sto
 def _open(path: Path, what: str, most: int, error: type[FridaError]) -> BufferedReader:
     try:
         _require_regular(path, what, most, path.stat(), error)
-        file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb")
+        file = os.fdopen(operating_system.open_file(path, os.O_RDONLY), "rb")
     except FileNotFoundError as cause:
         raise error(f"{abridge(path)} does not exist; give the path of {what}.") from cause
     except OSError as cause:
@@ -317,14 +321,6 @@ def cannot_write(path: Path, error: OSError | ValueError) -> StorageError:
     full = isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
     remedy = "make room on its disk" if full else "choose a folder that you may write to with --out"
     return StorageError(f"{abridge(path)} cannot be written ({reason}); {remedy}.")
-
-
-def _flush(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _checksum(record: Mapping[str, Any]) -> str:

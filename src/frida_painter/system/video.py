@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from frida_painter.errors import StorageError
 from frida_painter.system import storage
+from frida_painter.system.operating_system import APART
 
 RATE, MIN_RATE = 24, 8  # frames per second of a film of motions, and the least of any film
 # Without colour tags browsers show slightly wrong colours. faststart puts the index first.
@@ -48,7 +49,7 @@ class VideoEncoder:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=self._said,
-                start_new_session=True,
+                **APART,
             )
         except (OSError, RuntimeError) as cause:
             raise self._failure(str(cause)) from cause
@@ -131,7 +132,7 @@ def _ffmpeg(*words: str, failing: str) -> str:
             text=True,
             errors="replace",
             check=False,
-            start_new_session=True,
+            **APART,
         )
     except OSError as cause:
         raise StorageError(f"{failing} ({cause}).") from cause
