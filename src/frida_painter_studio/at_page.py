@@ -5,7 +5,6 @@ tells there what no journal tells: its waits before the first stroke, and the er
 """
 
 import contextlib
-import os
 import secrets
 import socket
 import sys
@@ -29,9 +28,11 @@ FEED_FILE = "feed.jsonl"
 """Name of the file of these events, one per line, in the studio's folder of the work."""
 STOP, HEARD, WORK = b"!", b"+", "work"
 """Stop, the answer to it, and the first word of a process at work, followed by a name, the work and a line's end."""
-SOCKET = ".stop"
-"""Name of the listener's local socket in the studio's folder."""
-_LONGEST = 100  # bytes; a local socket's address has at most 104 to 108
+LINE = ".stop"
+"""Name of the file in the studio's folder with port and secret of the listener's line, for its owner alone."""
+HERE = "127.0.0.1"
+_LONGEST = 100  # bytes
+_GREETING = 3.0  # seconds
 _BETWEEN_CALLS = 0.5  # seconds
 _BETWEEN_GLANCES = 0.02
 _BETWEEN_STEPS = 0.25  # seconds between two reports of progress, as fine as a person can see
@@ -41,29 +42,24 @@ class StopPressed(Exception):
     """Signal that a person has pressed stop; the work reports it and ends."""
 
 
-@contextmanager
-def address(folder: Path) -> Iterator[str]:
-    """Yields the address of the listener's local socket for the studio in `folder`.
-
-    The address is short enough for the system's limit.
-    """
-    whole = str(folder.absolute() / SOCKET)
-    if len(os.fsencode(whole)) <= _LONGEST:
-        yield whole
-        return
-    opened = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+def find_listener(folder: Path) -> tuple[int, str]:
+    """Returns port and secret of the listener for the studio in `folder`. Raises OSError if there is none."""
     try:
-        yield f"/proc/self/fd/{opened}/{SOCKET}"
-    finally:
-        os.close(opened)
+        port, secret = storage.read_bytes(folder / LINE, "the line to the listener", _LONGEST).decode().split()
+        return int(port), secret
+    except (StorageError, ValueError) as error:
+        raise ConnectionRefusedError(f"nobody listens for stops in {folder}") from error
 
 
 def call(folder: Path) -> socket.socket:
     """Returns a connection to the listener. Raises OSError if there is none."""
-    line = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    port, secret = find_listener(folder)
+    line = socket.create_connection((HERE, port), _GREETING)
     try:
-        with address(folder) as place:
-            line.connect(place)
+        line.sendall(f"{secret}\n".encode())
+        if line.recv(1) != HEARD:
+            raise ConnectionRefusedError("another program has the listener's port")
+        line.settimeout(None)
     except OSError:
         line.close()
         raise
@@ -74,7 +70,7 @@ class StopWatch:
     """Watches for a stop, by line and by file, in its own threads.
 
     file: file that stops the work when it exists.
-    studio: folder of the listener's socket.
+    studio: folder of the listener's line.
     job: its name.
     """
 

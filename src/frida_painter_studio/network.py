@@ -6,7 +6,6 @@ have waited longest for a request are cut.
 
 import asyncio
 import contextlib
-import resource
 import socket
 import ssl
 import time
@@ -19,7 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter.system import locks
+from frida_painter.system import locks, operating_system
 from frida_painter_studio.security import Session, refuse
 from frida_painter_together.commands import Role
 
@@ -166,11 +165,7 @@ class Connections:
 
 def most_connections() -> int:
     """Returns the largest number of connections of a server; at least half of its file descriptors stay free."""
-    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    with contextlib.suppress(OSError, ValueError):
-        resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
-    files, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return _MAX if files == resource.RLIM_INFINITY else max(16, min(_MAX, files // 2))
+    return max(16, operating_system.allow_files(2 * _MAX) // 2)
 
 
 STUDIO_LOCK = ".studio"

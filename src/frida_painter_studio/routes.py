@@ -23,6 +23,7 @@ from starlette.types import Message, Receive, Scope, Send
 from frida_painter.easel.kinds import INBOX, LIVE
 from frida_painter.errors import StorageError
 from frida_painter.system import storage
+from frida_painter.system.operating_system import NOT_LINKS, open_file
 from frida_painter_studio.jobs import JOBS, Imagining, JobState
 from frida_painter_studio.picture_choosing import ChosenPicture, MakingRequest
 from frida_painter_studio.security import Led, Session, refuse
@@ -100,7 +101,7 @@ def zip_folder(folder: Path_module) -> Iterator[bytes]:
             if hidden or any((folder / part).is_symlink() for part in (inside, *inside.parents)):
                 continue
             try:
-                file = os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW), "rb")
+                file = os.fdopen(open_file(path, os.O_RDONLY | NOT_LINKS), "rb")
             except OSError:
                 continue  # deleted meanwhile, or not readable
             with file:

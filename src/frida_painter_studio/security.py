@@ -13,7 +13,6 @@ import math
 import os
 import re
 import secrets
-import select
 import threading
 import time
 from collections import OrderedDict
@@ -28,6 +27,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from frida_painter.errors import Interrupted, RobotStopped
+from frida_painter.system.operating_system import is_in_background, is_typed
 from frida_painter_studio.web_app_easel import WebAppEasel
 from frida_painter_together.commands import Role
 from frida_painter_together.inbox import LEAD_GOOD_FOR
@@ -323,9 +323,9 @@ class Presence:
     def _listen(self, file: int) -> None:
         while True:
             try:
-                if not select.select([file], [], [], _BETWEEN_GLANCES)[0]:
+                if not is_typed(file, _BETWEEN_GLANCES):
                     continue
-                if os.isatty(file) and os.tcgetpgrp(file) != os.getpgrp():
+                if is_in_background(file):
                     time.sleep(_BETWEEN_GLANCES)  # in the background, typed text is for the shell
                     continue
                 typed = os.read(file, 1024)

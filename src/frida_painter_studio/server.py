@@ -23,6 +23,7 @@ from starlette.types import ASGIApp
 
 from frida_painter.errors import ConfigError, FridaError, Interrupted, RobotStopped, StorageError
 from frida_painter.system import storage
+from frida_painter.system.operating_system import IS_WINDOWS
 from frida_painter_studio.network import Certificate, Connections, Limits, WaitingProtocol, most_connections, share_lock
 from frida_painter_studio.picture_choosing import AllowedMakers
 from frida_painter_studio.routes import all_routes
@@ -151,7 +152,8 @@ def listen(address: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     try:
-        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if not IS_WINDOWS:  # another program could take the port there
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((address, port))
         listening.listen(_BACKLOG)  # browsers now wait instead of being refused
     except OSError as error:

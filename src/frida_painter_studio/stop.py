@@ -21,7 +21,8 @@ from typing import Self
 
 from frida_painter.errors import StorageError
 from frida_painter.system import storage
-from frida_painter_studio.at_page import HEARD, SOCKET, STOP, WORK, address
+from frida_painter.system.operating_system import open_file
+from frida_painter_studio.at_page import HEARD, HERE, LINE, STOP, WORK, find_listener
 from frida_painter_studio.store import PaintingStore
 from frida_painter_studio.studio_folder import PLAN_JOB, find_job, find_work
 from frida_painter_studio.workers import QUEUE
@@ -80,7 +81,7 @@ class StopKey:
 
 def _make(path: Path) -> None:
     temporary = path.with_name(f"{_FILE}-{secrets.token_hex(8)}")
-    with os.fdopen(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+    with os.fdopen(open_file(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
         file.write(secrets.token_bytes(_BYTES))
         file.flush()
         os.fsync(file.fileno())
@@ -98,16 +99,10 @@ PRESS, END = "press", "end"
 
 
 def listen_locally(folder: Path) -> socket.socket:
-    """Returns a local socket in the folder, in place of an old one; only the folder's owner can connect.
-
-    Raises OSError.
-    """
-    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    (folder / SOCKET).unlink(missing_ok=True)
-    with address(folder) as place:
-        listening.bind(place)
-    (folder / SOCKET).chmod(0o600)
-    listening.listen(64)
+    """Returns a listening socket, whose secret only the folder's owner can read. Raises OSError, StorageError."""
+    listening = socket.create_server((HERE, 0), backlog=64)
+    with storage.replacing(folder / LINE, mode=0o600) as temporary:
+        temporary.write_text(f"{listening.getsockname()[1]} {secrets.token_hex(16)}\n", encoding="ascii")
     return listening
 
 
@@ -131,10 +126,11 @@ class Stops:
 
     Files and record are written by threads of their own. The files need no database, which may be locked for long; a
     stop while they are being written has them written once more.
+    secret: of those who call the line (`answer`)
     """
 
-    def __init__(self, root: Path) -> None:
-        self._root = root
+    def __init__(self, root: Path, secret: str = "") -> None:
+        self._root, self._secret = root, secret
         self._lines: set[_Line] = set()
         self._files_asked, self._passes = threading.Event(), 0
         self._found = self._held = 0  # workers of the last pass, and those that need only the file, or move nothing
@@ -192,8 +188,13 @@ class Stops:
                     time.sleep(1)
 
     async def answer(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Serves a caller on the local socket."""
+        """Serves a caller on the line, after its secret."""
         try:
+            async with asyncio.timeout(_LISTENER_WITHIN):
+                secret = (await reader.readline()).strip()
+            if not hmac.compare_digest(secret, self._secret.encode()):
+                return
+            writer.write(HEARD)
             kind, _, name = (await reader.readline()).decode(errors="replace").strip().partition(" ")
             if kind == WORK:
                 name, _, job = name.partition(" ")
@@ -210,8 +211,8 @@ class Stops:
                 await writer.drain()
             elif kind == END:
                 asyncio.get_running_loop().stop()
-        except (OSError, ValueError):
-            pass  # the caller is gone
+        except (OSError, ValueError, TimeoutError):
+            pass  # the caller is gone, or a stranger
         finally:
             writer.close()
 
@@ -219,11 +220,11 @@ class Stops:
         """Stops all work through the listener; if it does not answer, from this process."""
         try:
             async with asyncio.timeout(_LISTENER_WITHIN):
-                with address(self._root) as place:
-                    reader, writer = await asyncio.open_unix_connection(place)
+                port, secret = find_listener(self._root)
+                reader, writer = await asyncio.open_connection(HERE, port)
                 try:
-                    writer.write(f"{PRESS} {by}\n".encode())
-                    answer: dict[str, int] = json.loads(await reader.read())
+                    writer.write(f"{secret}\n{PRESS} {by}\n".encode())
+                    answer: dict[str, int] = json.loads((await reader.read()).removeprefix(HEARD))
                 finally:
                     writer.close()
                 return answer

@@ -28,8 +28,8 @@ from starlette.types import Receive, Scope, Send
 from uvicorn.server import ServerState
 
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter.system import locks, python_process, storage
-from frida_painter_studio.at_page import call
+from frida_painter.system import locks, operating_system, python_process, storage
+from frida_painter_studio.at_page import call, find_listener
 from frida_painter_studio.network import (
     STUDIO_LOCK,
     Certificate,
@@ -90,7 +90,7 @@ def _hostname(address: str) -> str | None:
 
 async def serve(root: Path, port: socket.socket, line: socket.socket, config: dict[str, list[str]]) -> None:
     """Receives stops until no studio is open and no worker works."""
-    stops, files = Stops(root), config["certificate"]
+    stops, files = Stops(root, find_listener(root)[1]), config["certificate"]
     receiver = StopReceiver(stops, StopKey.of(root), frozenset(config["names"]))
     http = uvicorn.Config(
         receiver, log_config=None, log_level="error", access_log=False, server_header=False, date_header=False,
@@ -104,7 +104,7 @@ async def serve(root: Path, port: socket.socket, line: socket.socket, config: di
         patience=_PATIENCE,
         tls=Certificate(*map(Path, files)).context() if files else None,
     )
-    local = await asyncio.start_unix_server(stops.answer, sock=line)
+    local = await asyncio.start_server(stops.answer, sock=line)
     accepting = asyncio.create_task(listening.accept())
     studios = locks.open_lock(root / STUDIO_LOCK)
     try:
@@ -148,6 +148,7 @@ class StopProcess:
     wanted: int
     certificate: Certificate | None = None
     port: int = field(default=0, init=False)
+    _shared: int = field(default=-1, init=False)
     _stop_key: StopKey | None = field(default=None, init=False)
     _process: "subprocess.Popen[bytes] | None" = field(default=None, init=False)
 
@@ -191,8 +192,9 @@ class StopProcess:
                 await asyncio.to_thread(self._renew)
 
     def _renew(self) -> None:
-        if not locks.is_held(self.root / STUDIO_LOCK):  # in a new folder; each listener there would end at once
-            share_lock(self.root)
+        there = (self.root / STUDIO_LOCK).stat() if (self.root / STUDIO_LOCK).exists() else None
+        if self._shared < 0 or there is None or not os.path.samestat(os.fstat(self._shared), there):
+            self._shared = share_lock(self.root)  # in a new folder each listener would end at once
         self.start()
 
     def _end_other(self, lock: int) -> None:
@@ -212,11 +214,12 @@ class StopProcess:
         with port, listen_locally(self.root) as line, (self.root / "stop.log").open("ab") as log:
             self.port = port.getsockname()[1]
             storage.write_json(self.root / _FILE, {**config, "port": self.port})
-            inherited = [port.fileno(), line.fileno(), lock]
+            files = port, line, locks.Held(lock)
             self._process = python_process.start(
-                "-m", "frida_painter_studio.stop_listener", self.root, *inherited, json.dumps(config),
-                pass_fds=inherited, start_new_session=True, stdout=log, stderr=log,
+                "-m", "frida_painter_studio.stop_listener", self.root, *map(operating_system.number_of, files),
+                json.dumps(config), files=files, stdout=log, stderr=log, **operating_system.APART,
             )  # fmt: skip
+            files[2].hand(self._process)
 
 
 def _cannot_start(error: OSError) -> StorageError:
@@ -226,11 +229,10 @@ def _cannot_start(error: OSError) -> StorageError:
 def main() -> None:
     """Serves with the inherited sockets."""
     folder, port, line, lock, config = sys.argv[1:]
-    os.set_inheritable(int(lock), False)
+    sockets = operating_system.inherited_socket(int(port)), operating_system.inherited_socket(int(line))
+    os.set_inheritable(operating_system.inherited_file(int(lock)), False)
     with contextlib.suppress(RuntimeError):  # the loop was stopped: another listener takes over
-        asyncio.run(
-            serve(Path(folder), socket.socket(fileno=int(port)), socket.socket(fileno=int(line)), json.loads(config))
-        )
+        asyncio.run(serve(Path(folder), *sockets, json.loads(config)))
 
 
 if __name__ == "__main__":

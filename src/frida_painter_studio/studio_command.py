@@ -1,7 +1,6 @@
 """Command that opens the studio: a web page on which a person and the robot paint together."""
 
 import ipaddress
-import os
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from frida_painter import registry
 from frida_painter.errors import ConfigError
 from frida_painter.runs.options import MachineOptions, number_within, taking, whole_number_option, with_fields
 from frida_painter.system import storage
+from frida_painter.system.operating_system import IS_WINDOWS, user
 
 if TYPE_CHECKING:
     from frida_painter_studio.server import Links
@@ -144,7 +144,7 @@ def studio(
             print(f"{easel.robot} moves only when somebody beside it has pressed Enter here within the last minute.")
         for label in makers.by_label:
             print(f"Whoever has a link to paint or to plan may have pictures made by {label}.")
-        if os.geteuid() == 0:
+        if not IS_WINDOWS and user() == 0:
             print("It runs as root: a fault in it would have the whole machine. Start it as an ordinary user.")
         if address != _LOCAL:
             read = "" if certified else ", and on the way they can be read (there is no encryption)"

@@ -8,7 +8,8 @@ import contextlib
 import os
 import re
 import shutil
-from collections.abc import Iterator, Sequence, Set
+import subprocess
+from collections.abc import Iterator, Set
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -26,6 +27,7 @@ from frida_painter.runs.variant_settings import VARIANTS, variant_of
 from frida_painter.session.events import Event, events_of, time_of
 from frida_painter.system import locks, storage
 from frida_painter.system.event_log import LogReader
+from frida_painter.system.operating_system import write_at
 from frida_painter_studio.at_page import FEED_FILE, Feed
 from frida_painter_studio.form import CONTROLS, SETTINGS, USUAL_VALUES
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -340,11 +342,15 @@ class WorkerLock:
         """Writes the job into the file of this lock, for `find_job`."""
         with contextlib.suppress(OSError):  # a full disk: the lock holds without it
             os.ftruncate(self._file, 0)
-            os.pwrite(self._file, job.encode(), 0)
+            write_at(self._file, job.encode(), 0)
 
     def fileno(self) -> int:
         """Returns the descriptor for a child process that is to hold the lock too."""
         return self._file
+
+    def hand(self, process: "subprocess.Popen[bytes]") -> None:
+        """Leaves the lock to a process that has inherited it."""
+        locks.Held(self._file).hand(process)
 
     def release(self) -> None:
         """Releases the lock of this process; a child that holds it too keeps it until its end."""

@@ -14,7 +14,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from frida_painter.errors import ConfigError, FridaError, Interrupted, ProcessLost, StorageError
 from frida_painter.session.events import Began, Stopped
-from frida_painter.system import python_process, storage
+from frida_painter.system import operating_system, python_process, storage
 from frida_painter_studio.store import Entry, PaintingStore
 from frida_painter_studio.studio_folder import (
     PAINT_JOB,
@@ -81,13 +81,11 @@ class WorkerSlot:
         self._lock.sign(job)
         try:
             with (self.folder.path / "worker.log").open("ab") as log:
-                how: dict[str, Any] = {"start_new_session": True, "stdout": log, "stderr": log}
+                how: dict[str, Any] = {**operating_system.APART, "stdout": log, "stderr": log}
                 if job in (PAINT_JOB, RESUME_JOB):
                     words = self._words_to_paint(plan) if job == PAINT_JOB else (job, self.folder.painting)
                     led = ("--pace", self._easel.pace, "--page", self.folder.path)
-                    process = python_process.start(
-                        "-m", "frida_painter", *words, *led, pass_fds=[self._lock.fileno()], **how
-                    )
+                    process = python_process.start("-m", "frida_painter", *words, *led, files=[self._lock], **how)
                 else:
                     process, wire = python_process.start_function(
                         "frida_painter_studio.worker_process:do_job", task, **how
@@ -95,6 +93,7 @@ class WorkerSlot:
                     wire.close()
         except (OSError, ProcessLost) as error:
             raise StorageError(f"The painter cannot be started ({error}).") from error
+        self._lock.hand(process)
         self._started.append((process, self.folder))
 
     def _words_to_paint(self, plan: PlanFolder) -> tuple[object, ...]:

@@ -485,7 +485,7 @@ class CpuActivity:
         """Returns the total processor seconds of the process."""
         try:
             return _state_and_ticks(self._place / "stat")[1] / os.sysconf("SC_CLK_TCK")
-        except (OSError, ValueError, IndexError):
+        except (AttributeError, OSError, ValueError, IndexError):
             return 0.0
 
 

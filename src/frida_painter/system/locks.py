@@ -9,13 +9,18 @@ import errno
 import getpass
 import os
 import socket
+import threading
 import time
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from frida_painter.errors import StorageError
 from frida_painter.system.operating_system import IS_WINDOWS, NOT_LINKS, open_file, user
+
+if TYPE_CHECKING:
+    import subprocess
 
 if IS_WINDOWS:
     msvcrt: Any = import_module("msvcrt")
@@ -88,6 +93,28 @@ def release(descriptor: int) -> None:
         msvcrt.locking(descriptor, msvcrt.LK_UNLCK, _SHARES)
     else:
         fcntl.flock(descriptor, fcntl.LOCK_UN)
+
+
+@dataclass(frozen=True)
+class Held:
+    """Lock of an open file that a new process inherits (python_process.start)."""
+
+    file: int
+
+    def fileno(self) -> int:
+        """Returns the descriptor."""
+        return self.file
+
+    def hand(self, process: "subprocess.Popen[bytes]") -> None:
+        """Leaves the lock to a process that has inherited it. On Windows, where no process can, this one holds it."""
+        if IS_WINDOWS:
+            file = os.dup(self.file)
+            threading.Thread(target=_close_after, args=(file, process), daemon=True).start()
+
+
+def _close_after(file: int, process: "subprocess.Popen[bytes]") -> None:
+    process.wait()
+    os.close(file)
 
 
 # Windows locks bytes, for one process, and nobody else can read them: those behind the longest file are taken.
