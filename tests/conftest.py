@@ -1,7 +1,6 @@
 import ctypes
 import gc
 import os
-import resource
 import signal
 import sys
 import threading
@@ -20,6 +19,11 @@ import downloads
 from killing import forked_easels, fresh_easels
 from measured import MAX_TEST, function_of, read_seconds
 from snapshots import Snapshots
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 for _profile, _examples in (("quick", 10), ("suite", 25), ("nightly", 100)):  # of each property; make asks for one
     settings.register_profile(_profile, deadline=None, max_examples=_examples)
@@ -53,7 +57,8 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["OMP_NUM_THREADS"] = str(threads)  # of processes that are started from here, xdist's workers too
     # Under nohup a program ignores that its terminal was closed, and one that a script starts in the background ignores
     # Ctrl-C. Whatever it starts inherits that; the tests ask what a program does that ignores neither.
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if not torch.cuda.is_available():
@@ -149,7 +154,8 @@ def pytest_testnodedown(node: Any) -> None:
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     """A process that took more than MAX_MEMORY fails the run; seconds of a processor differ, and are told."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss if resource else 0
+    peak = used * (1 if sys.platform == "darwin" else 1024)
     if hasattr(session.config, "workeroutput"):  # xdist, which has it told by the process that asked for tests
         session.config.workeroutput["peak"] = peak
         session.config.workeroutput["long"] = session.config.stash[_LONG]

@@ -1,4 +1,8 @@
-"""Installs the project and all packages that it needs into the Python that runs this, by the lock.
+"""Installs the project and all packages that it needs, by the lock.
+
+`python tools/install.py` alone makes the environment .venv, installs the painter and the studio's page there, and
+says how to paint: what `make` does, also on Windows. With a requirement, such as .[web], it installs that into the
+Python that runs it.
 
 The lock, constraints.txt, gives the version and the hashes of each package; a file with another hash is refused.
 pyproject.toml and the installed packages tell which others are needed, so that each platform gets its own.
@@ -15,11 +19,13 @@ import importlib
 import json
 import os
 import re
+import runpy
 import shutil
 import subprocess
 import sys
 import tempfile
 import tomllib
+import venv
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
@@ -29,6 +35,7 @@ from pip._vendor.packaging.requirements import Requirement
 from pip._vendor.packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
+MADE = ROOT / ".venv"
 PIP = [sys.executable, "-m", "pip", "--disable-pip-version-check"]
 BUILDS = ("torch",)  # has builds of one version, with hashes of their own in the lock
 FOR_BUILDING = ("cffi",)  # pyvips is no wheel, and needs it beside setuptools
@@ -214,14 +221,34 @@ def run(wanted: list[str]) -> str:
     return "pip"
 
 
+def make_environment(folder: Path, options: list[str]) -> int:
+    """Installs the painter and its page into an environment of their own; returns the exit status."""
+    programs = folder / ("Scripts" if sys.platform == "win32" else "bin")
+    python = programs / ("python.exe" if sys.platform == "win32" else "python")
+    if not python.exists():
+        print(f"Making a Python environment in {folder}: some seconds.", flush=True)
+        venv.create(folder, with_pip=True)
+    print("Installing PyTorch and some 45 smaller packages: one to two minutes.", flush=True)
+    done = subprocess.run([str(python), __file__, ".[web]", *options], check=False)
+    if done.returncode == 0:
+        painter = programs / "frida-painter"
+        print(f'Paint:  "{painter}" paint "{ROOT / "examples" / "photographs" / "coffee.jpg"}"')
+        print(f'Page:   "{painter}" studio')
+    return done.returncode
+
+
 def main() -> int:
     """Exit status 0 when it is installed, else pip's."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("requirement", help="the project's folder, with extras: .[dev]; or the name of a package")
+    parser.add_argument("requirement", nargs="?", help="the project's folder, with extras: .[dev]; or a package's name")
     parser.add_argument("--lock", type=Path, default=ROOT / "constraints.txt")
     parser.add_argument("--wheel", help="a wheel of the project, instead of its folder")
     parser.add_argument("--without-hashes", action="store_true", help="take files that are not those of the lock")
     given = parser.parse_args()
+    if why := runpy.run_path(str(ROOT / "src/frida_painter/system/operating_system.py"))["why_unfit"]():
+        sys.exit(why)
+    if given.requirement is None:
+        return make_environment(MADE, sys.argv[1:])
     began = monotonic()
     try:
         installer = Installer(given.lock, hashes=not given.without_hashes)
