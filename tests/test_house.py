@@ -87,6 +87,7 @@ OWN_FILES = {
 STARTING = {
     "system/python_process.py": {"sys.executable", "subprocess.Popen"},
     "system/video.py": {"subprocess.Popen", "subprocess.run"},
+    "system/operating_system.py": {"sys.executable", "subprocess.run", "subprocess.STARTUPINFO"},
     "registry.py": {"sys.executable"},
     "objectives/weights/sources.py": {"sys.executable"},
 }
@@ -114,7 +115,7 @@ DELETING = {
     "system/storage.py": 2,  # temporary files, named by PART
     "frida_painter_studio/side_jobs.py": 1,  # copies for the page, named by a random name of 24 digits
     "frida_painter_studio/server.py": 1,  # the links of the studio that closes
-    "frida_painter_studio/stop.py": 2,  # its own key in the making, and the socket
+    "frida_painter_studio/stop.py": 1,  # its own key in the making
     "frida_painter_studio/store.py": 1,  # the folder of a painting, on a person's word
     "frida_painter_studio/studio_folder.py": 1,  # a lock
     "frida_painter_cli/leading.py": 1,  # the pause file, when a person at a page goes on

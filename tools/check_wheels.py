@@ -24,7 +24,7 @@ BUILT_HERE = ("pyvips",)  # Python alone, built in a second
 
 
 def locked() -> list[str]:
-    """The packages as NAME==VERSION, by what those that are installed here need."""
+    """The packages as NAME==VERSION; those that are installed here tell which others they need."""
     lock, level = read_lock(ROOT / "constraints.txt"), asked_by(".[web,plotter]")
     known: dict[str, str] = {}
     while level:

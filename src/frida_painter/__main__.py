@@ -32,6 +32,9 @@ def main() -> NoReturn:
     signals = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]  # as by nohup
     for number in signals:
         signal.signal(number, end)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a console may not know every letter
+            stream.reconfigure(errors="replace")
     try:
         from frida_painter.system import python_process
 

@@ -8,7 +8,6 @@ each before the person hears of it, so that a painting that breaks off in betwee
 
 import json
 import secrets
-import select
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -33,6 +32,7 @@ from frida_painter.session.events import Advanced, CommandDone, DrawnRegion, Eve
 from frida_painter.session.loop import PaintingSession
 from frida_painter.session.observer import PHOTOGRAPH_ROWS
 from frida_painter.system import images, storage
+from frida_painter.system.operating_system import is_typed
 from frida_painter_cli.options import read_line
 from frida_painter_together.commands import ChoosePicture, Command, Propose, command_of
 from frida_painter_together.inbox import MakingOrder
@@ -216,7 +216,7 @@ class Proposer:
         so_far = None if self._run.session is None else self._run.session.so_far
         if so_far is None or so_far.rest is None:
             return False
-        if not self._typed and sys.stdin.isatty() and select.select([sys.stdin], [], [], 0)[0]:
+        if not self._typed and sys.stdin.isatty() and is_typed(sys.stdin.fileno(), 0):
             self._typed = read_line().strip()
             self._talks |= self._run.painting.wishes.paused  # by Enter alone, too
         return bool(self._typed)

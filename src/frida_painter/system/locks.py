@@ -106,7 +106,7 @@ class Held:
         return self.file
 
     def hand(self, process: "subprocess.Popen[bytes]") -> None:
-        """Leaves the lock to a process that has inherited it. On Windows, where no process can, this one holds it."""
+        """Leaves the lock to a process that has inherited it; on Windows this one holds it until that one ends."""
         if IS_WINDOWS:
             file = os.dup(self.file)
             threading.Thread(target=_close_after, args=(file, process), daemon=True).start()

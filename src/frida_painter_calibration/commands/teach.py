@@ -1,7 +1,6 @@
 """Command `teach`: marks of a person's hand become a stroke family, and the virtual studio paints it."""
 
 import re
-import select
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import typer
 from frida_painter.brush import FIELD, MAX_STROKES
 from frida_painter.errors import ConfigError, FridaError
 from frida_painter.runs.options import WorkspaceOption, out_file, taking, whole_number_option, with_fields
+from frida_painter.system.operating_system import is_typed
 from frida_painter_calibration.commands.strokes import learn_on, paint_library, work_bar
 from frida_painter_calibration.options import BrushOption, SeedOption
 
@@ -194,7 +194,7 @@ def guide(robot: str, workspace: Path | None, brush: str, path: Path) -> None:
     )
     fault: FridaError | KeyboardInterrupt | None = None
     try:
-        guide_arm(robot, workcell, hear, lambda: bool(select.select([sys.stdin], [], [], 0)[0]))
+        guide_arm(robot, workcell, hear, lambda: is_typed(sys.stdin.fileno(), 0))
     except (FridaError, KeyboardInterrupt) as error:
         fault = error
     cutter.finish()

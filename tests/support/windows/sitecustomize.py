@@ -47,10 +47,10 @@ ABSENT = {
 def users_of(path: object) -> list[str]:
     """The processes of this tree that have a file open."""
     named, found = os.path.realpath(str(path)), []
-    for process in filter(str.isdigit, os.listdir("/proc")):
+    for process in filter(str.isdigit, os.listdir("/proc")):  # noqa: PTH208 (Path is changed below)
         try:
             files = os.scandir(f"/proc/{process}/fd") if int(process) >= FIRST else ()
-            found += [process for file in files if os.readlink(file.path) == named]
+            found += [process for file in files if os.readlink(file.path) == named]  # noqa: PTH115
         except OSError:
             continue  # it has ended, or the file was closed
     return found
@@ -59,7 +59,7 @@ def users_of(path: object) -> list[str]:
 def refusing(act: Callable[..., Any], *places: int) -> Callable[..., Any]:
     def refuse(*given: Any, **named: Any) -> Any:
         for path in (given[place] for place in places):
-            if os.path.isfile(path) and users_of(path):
+            if os.path.isfile(path) and users_of(path):  # noqa: PTH113
                 raise PermissionError(13, "The process cannot access the file because it is being used", str(path))
         return act(*given, **named)
 
@@ -84,7 +84,7 @@ held: dict[int, list[tuple[int, int]]] = {}  # descriptor: its locks, each as wh
 
 def open_file(path: Any, flags: int, mode: int = 0o777) -> int:
     assert flags & BYTES, f"{path} would be opened as text"
-    if os.path.isdir(path):
+    if os.path.isdir(path):  # noqa: PTH112
         raise PermissionError(13, "Permission denied", str(path))
     return os.open(path, flags & ~(BYTES | ALONE), mode)
 
@@ -172,8 +172,8 @@ def socket_pair() -> tuple[socket.socket, socket.socket]:
 
 
 def select_sockets(*given: Any) -> Any:
-    files = [file for each in given[:3] for file in each]
-    assert all(stat.S_ISSOCK(os.fstat(getattr(file, "fileno", lambda: file)()).st_mode) for file in files), files
+    files = [file if isinstance(file, int) else file.fileno() for each in given[:3] for file in each]
+    assert all(stat.S_ISSOCK(os.fstat(file).st_mode) for file in files), files
     return select.select(*given)
 
 
@@ -199,8 +199,7 @@ class View(ModuleType):
 def import_module(name: str, package: str | None = None) -> Any:
     if name in ABSENT_MODULES:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-    found = importing(name, {"__name__": "frida_painter"}, None, ("import_module",), 0)
-    return found
+    return importing(name, {"__name__": "frida_painter"}, None, ("import_module",), 0)
 
 
 OWN: dict[str, dict[str, Any]] = {
