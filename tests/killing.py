@@ -235,7 +235,8 @@ def _start_forked(*words: Any, stdin: Any = None, stdout: Any = None, **options:
     """As `python_process.start`; an easel's process is forked from this one."""
     if words[2:3] != ("frida_painter.easel.host:serve_easel",):
         return _START(*words, stdin=stdin or subprocess.DEVNULL, stdout=stdout, **options)
-    return ForkedProcess(lambda: python_process.serve(*words[2:]), **options)
+    handed = [file.fileno() for file in options.pop("files", ())]
+    return ForkedProcess(lambda: python_process.serve(*words[2:]), pass_fds=handed, **options)
 
 
 @contextmanager
