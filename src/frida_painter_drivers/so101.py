@@ -1,4 +1,7 @@
-"""The robot kind `so101`: the SO-101 of hobbyists, five STS3215 servos on a bus, through Feetech's SDK.
+"""The robot kind `so101`: the SO-101 of hobbyists, six STS3215 servos on a bus, through Feetech's SDK.
+
+The sixth closes the gripper, which holds the brush along its fixed jaw (docs/images/so101-brush.svg). It is held closed
+as it was found. An arm with a holder in its place lacks it.
 
 Its gears have about a degree of play, which `check` tells in millimetres at the tip. A motion is planned as a whole
 before anything moves: the tip's path in time (Timing), the joint angles along it with the brush upright (mink), their
@@ -45,6 +48,7 @@ _MISSED, _UPRIGHT = 1e-4, math.radians(1)
 _BAUD = 1_000_000
 _MODEL, _STS3215, _MIN_ANGLE, _MAX_ANGLE, _MODE, _TORQUE, _GOAL = 3, 777, 9, 11, 33, 40, 42
 _POSITION, _LOAD, _VOLTAGE = 56, 60, 62  # the byte after the voltage is the temperature
+_SIGN = 0x8000  # of a position or goal, whose other bits are its amount
 _STEPS, _MIDDLE, _STEP = 4096, 2048, 2 * math.pi / 4096  # a step in radians
 _WEAK, _WARM = 6.0, 55  # volts and degrees Celsius from which `doctor` warns
 _ERRORS = {1: "its voltage is wrong", 2: "its angle sensor fails", 4: "it is too hot", 8: "its current is too high",
@@ -52,6 +56,7 @@ _ERRORS = {1: "its voltage is wrong", 2: "its angle sensor fails", 4: "it is too
 
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll")
 """Joints in the order of their servos, which have the numbers 1 to 5."""
+_GRIPPER = 6
 LIMITS = np.array([1.91986, 1.74533, 1.69, 1.65806, 2.79253])
 """Greatest angle of each joint to both sides of its middle, radians (The Robot Studio's model of the SO-101)."""
 PLAY = math.radians(1.0)
@@ -152,7 +157,8 @@ class So101Robot(Driver):
     """Robot over the servo bus. Implements Reach and LooseRobot as well.
 
     port: serial port of the bus
-    brush_length: from the fingertips to the brush's tip along the tool, metres
+    brush_length: from the fingertips of the fixed jaw, or the end of a holder that is as long, to the brush's tip
+        along the tool, metres
     """
 
     def __init__(self, port: str, resting: Point, approach: float = 0.1, brush_length: float = 0.05) -> None:
@@ -167,13 +173,14 @@ class So101Robot(Driver):
         self._packets: Any = None
         self._ranges = np.zeros((5, 2))
         self._steps = np.zeros(5)
+        self._servos = JOINTS
 
     @cached_property
     def _kinematics(self) -> So101Kinematics:
         return So101Kinematics(self.brush_length)
 
     def _open(self, *, examines: bool) -> None:
-        """Opens the bus, finds the five servos, and switches them on at their present positions.
+        """Opens the bus, finds the servos, and switches them on at their present positions.
 
         Raises RobotDisconnected if another program uses the bus, RobotError if a servo is of another kind or in another
         mode, MotionFailed if a servo reports an error, or a joint is beyond its limit.
@@ -183,8 +190,11 @@ class So101Robot(Driver):
             import scservo_sdk
         self._sdk, self._packets = scservo_sdk, scservo_sdk.PacketHandler(0)
         self._port = self._interlock.asking("connect", self._open_port)
+        self._servos = JOINTS
         for number, joint in enumerate(JOINTS, 1):
             self._require_servo(number, joint)
+        if self._answers(_GRIPPER):
+            self._servos = (*JOINTS, "gripper")
         joints = self._joints("connect")
         if examines:
             return
@@ -196,7 +206,11 @@ class So101Robot(Driver):
                 "of each joint, then connect anew."
             )
         self._send(joints)
-        for number in range(1, 6):  # one byte
+        if len(self._servos) == _GRIPPER:  # it goes on holding the brush as it does
+            closed = self._read("connect", _GRIPPER, _POSITION)
+            grip = lambda to: (0, *self._packets.write2ByteTxRx(self._port, to, _GOAL, closed))  # noqa: E731
+            self._ask("connect", _GRIPPER, grip)
+        for number in range(1, len(self._servos) + 1):  # one byte
             self._ask("connect", number, lambda to: (0, *self._packets.write1ByteTxRx(self._port, to, _TORQUE, 1)))
 
     def _open_port(self) -> Any:
@@ -213,6 +227,16 @@ class So101Robot(Driver):
                 "other programs that use it."
             ) from cause
         return port
+
+    def _answers(self, number: int) -> bool:
+        """Returns True if there is a servo of that number."""
+
+        def ping() -> bool:
+            with self._line:
+                self._port.ser.reset_input_buffer()
+                return any(self._packets.ping(self._port, number)[1] == self._sdk.COMM_SUCCESS for _ in range(2))
+
+        return self._interlock.asking("connect", lambda: self._on_the_bus("connect", ping))
 
     def _require_servo(self, number: int, joint: str) -> None:
         """Raises RobotError unless the servo is an STS3215 that goes to positions; reads its own limits."""
@@ -258,17 +282,24 @@ class So101Robot(Driver):
     def _facts(self) -> Iterator[MachineFact]:
         joints = self._joints("examine")
         tip, _ = self._kinematics.tip(joints)
-        yield MachineFact(f"The brush's tip is at ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m of the arm's base.")
-        for number, joint in enumerate(JOINTS, 1):
+        holder = "the fingertips of its fixed jaw" if len(self._servos) == _GRIPPER else "the end of its holder"
+        yield MachineFact(f"The brush's tip is at ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m of the arm's base, "
+                          f"{1000 * self.brush_length:.0f} mm beyond {holder} (brush_length).")  # fmt: skip
+        if len(self._servos) < _GRIPPER:
+            yield MachineFact("No gripper answers (servo 6). If the arm has one, look at its cable: the brush would drop.",
+                              "warning")  # fmt: skip
+        for number, joint in enumerate(self._servos, 1):
             load = self._read("examine", number, _LOAD)
             share = (load & 0x3FF) / 10  # bit 10 is the direction
             supply = self._read("examine", number, _VOLTAGE)
             volts, warm = (supply & 0xFF) / 10, supply >> 8
             advice = ": its supply is weak; look at it and at the cable" if volts < _WEAK else ""
             advice = advice or (": let it cool down before you paint" if warm > _WARM else "")
+            turned = "" if number == _GRIPPER else (
+                f"{math.degrees(joints[number - 1]):.0f} of {math.degrees(LIMITS[number - 1]):.0f} degrees, "
+            )  # fmt: skip
             yield MachineFact(
-                f"{joint}: {math.degrees(joints[number - 1]):.0f} of {math.degrees(LIMITS[number - 1]):.0f} degrees, "
-                f"load {share:.0f} %, {volts:.1f} V, {warm} degrees Celsius{advice}.",
+                f"{joint}: {turned}load {share:.0f} %, {volts:.1f} V, {warm} degrees Celsius{advice}.",
                 "warning" if advice else "fact",
             )
         off = float(np.linalg.norm(self._kinematics.jacobian(joints) * PLAY / 2))
@@ -331,7 +362,7 @@ class So101Robot(Driver):
 
     def _require_held(self, label: str) -> None:
         """Raises MotionFailed if a servo is switched off, as all are after a failure of their supply."""
-        for number, joint in enumerate(JOINTS, 1):
+        for number, joint in enumerate(self._servos, 1):
             if not self._read(label, number, _TORQUE) & 0xFF:
                 error = MotionFailed(
                     f"{label}: servo {number} ({joint}) of {self._interlock.name} is switched off: it was reset, as by "
@@ -380,7 +411,8 @@ class So101Robot(Driver):
 
     def _joints(self, label: str) -> NDArray[np.float64]:
         """Returns the joint angles [5] that the encoders tell."""
-        steps = np.array([self._read(label, number, _POSITION) for number in range(1, 6)], np.float64)
+        words = np.array([self._read(label, number, _POSITION) for number in range(1, 6)])
+        steps = np.where(words & _SIGN, -(words & ~_SIGN), words).astype(np.float64)
         if not np.array_equal(steps, self._steps):
             self._steps, self._alive = steps, steady()
         return _angles(steps)
@@ -388,7 +420,8 @@ class So101Robot(Driver):
     def _send(self, joints: NDArray[np.float64]) -> None:
         """Sends the goals of all servos in one packet, which no servo answers."""
         steps = np.round(joints / _STEP + _MIDDLE).astype(int)
-        data = [byte for number, step in enumerate(steps, 1) for byte in (number, int(step) & 0xFF, int(step) >> 8)]
+        words = np.where(steps < 0, _SIGN | -steps, steps).tolist()
+        data = [byte for number, word in enumerate(words, 1) for byte in (number, word & 0xFF, word >> 8)]
         port = self._port
 
         def send() -> int:
@@ -414,7 +447,7 @@ class So101Robot(Driver):
                 self._port.ser.reset_input_buffer()  # a late answer to an earlier question is none to this one
                 return call(number)
 
-        who = f"{label}: servo {number} ({JOINTS[number - 1]}) of {self._interlock.name}"
+        who = f"{label}: servo {number} ({self._servos[number - 1]}) of {self._interlock.name}"
         for _ in range(3):  # a garbled answer is asked for again
             value, result, error = self._interlock.asking(label, lambda: self._on_the_bus(label, locked))
             if result == self._sdk.COMM_SUCCESS:

@@ -1,8 +1,8 @@
-"""Five STS3215 servos on a bus, played over a pseudo-terminal from Feetech's protocol manual and memory table.
+"""Six STS3215 servos on a bus, the sixth of the gripper, played over a pseudo-terminal from Feetech's protocol manual and memory table.
 
 A packet is FF FF, number, length, instruction, parameters and a checksum (the complement of the sum after the header).
 A servo answers FF FF, number, length, error bits, data, checksum; nobody answers what goes to all (254). Positions are
-4096 steps a turn. Numbers of two bytes begin with the lower one.
+4096 steps a turn, bit 15 the sign (huggingface/lerobot 2223). Numbers of two bytes begin with the lower one.
 
 The arm around them is The Robot Studio's so101_new_calib.urdf; `tips` computes where its tip is, by matrices.
 """
@@ -44,6 +44,12 @@ def tips(joints: np.ndarray, beyond: float = BRUSH) -> np.ndarray:
     return np.stack([-y, x, z], -1)
 
 
+def _word(place: float) -> int:
+    """Returns a position as a servo writes it."""
+    step = round(place)
+    return step if step >= 0 else 0x8000 | -step
+
+
 class StsBus:
     """The bus. Implements simulated_time.Controller; it lives by that clock, or in a thread (Living).
 
@@ -62,6 +68,7 @@ class StsBus:
         self.place = np.round(np.array(joints, np.float64) * STEPS / (2 * np.pi) + STEPS / 2)
         self.speed, self.play = speed, play
         self.dead, self.stuck = set[int](), set[int]()
+        self.grip = 2100  # where the gripper closes on the brush
         self.errors: dict[int, int] = {}
         self.noise, self.chatters, self.lose_every = b"", False, 0
         self.load = self.joints
@@ -72,11 +79,12 @@ class StsBus:
 
     def restart(self) -> None:
         """Power comes: no servo holds, and each knows its angle."""
-        self.registers = {number: bytearray(80) for number in range(1, 6)}
+        self.registers = {number: bytearray(80) for number in range(1, 7)}
         for number in self.registers:
             for address, value in ((_MODEL, 777), (_MIN_ANGLE, 0), (_MAX_ANGLE, STEPS - 1), (_VOLTAGE, 74 + (31 << 8))):
                 self.write(number, address, value)
-            self.write(number, _GOAL, int(self.place[number - 1]))
+            self.write(number, _GOAL, _word(self.place[number - 1]) if number < 6 else 0)
+        self.write(6, _POSITION, self.grip)
         self._tell_positions()
 
     def write(self, number: int, address: int, value: int) -> None:
@@ -91,7 +99,11 @@ class StsBus:
     def pass_time(self, seconds: float) -> None:
         far = self.speed * seconds * STEPS / (2 * np.pi)
         for number, registers in self.registers.items():
-            goal = int.from_bytes(registers[_GOAL : _GOAL + 2], "little")
+            word = int.from_bytes(registers[_GOAL : _GOAL + 2], "little")
+            goal = -(word & 0x7FFF) if word & 0x8000 else word
+            if number == 6:
+                self.grip = goal if registers[_TORQUE] else self.grip
+                continue
             if registers[_TORQUE] and number not in self.stuck and goal != self.place[number - 1]:
                 self.place[number - 1] += np.clip(goal - self.place[number - 1], -far, far)
                 self._moves = True
@@ -104,8 +116,8 @@ class StsBus:
             self.trace.append(self.load)
 
     def _tell_positions(self) -> None:
-        for number in self.registers:
-            self.write(number, _POSITION, round(self.place[number - 1]))
+        for number in range(1, 6):
+            self.write(number, _POSITION, _word(self.place[number - 1]))
 
     def hear(self, content: bytes) -> None:
         self._heap += content

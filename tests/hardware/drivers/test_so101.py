@@ -150,6 +150,9 @@ def test_a_servo_of_another_kind_and_an_arm_out_of_its_middle_are_refused(bus: S
     with pytest.raises(RobotError, match=r"servo 4 \(wrist_flex\) .* an STS3215 is 777"):
         connected(bus)
     bus.write(4, 3, 777)
+    bus.write(1, 56, 0x8000 | 670)  # M40: bit 15 is the sign
+    with pytest.raises(MotionFailed, match=r"shoulder_pan .* stands at -239 degrees"):
+        connected(bus)
     bus.write(1, 56, 4000)
     with pytest.raises(MotionFailed, match=r"shoulder_pan .* stands at 172 degrees and reaches 110"):
         connected(bus)
@@ -163,6 +166,23 @@ def test_what_is_out_of_reach_is_refused_before_anything_moves(bus: StsBus) -> N
         robot.follow(Waypoints("stroke 1", np.array([[0.5, 0.0, 0.0]]), 0.1))
     assert len(bus.trace) == 1
     robot.close()
+
+
+def test_the_gripper_goes_on_holding_the_brush(bus: StsBus) -> None:
+    """M31: the sixth servo is powered where it stands; an arm without it is told so."""
+    robot = connected(bus)
+    assert bus.registers[6][40] == 1
+    robot.follow(a_stroke())
+    assert bus.grip == 2100
+    bus.registers[6][40] = 0
+    with pytest.raises(MotionFailed, match=r"servo 6 \(gripper\) of .* is switched off"):
+        robot.follow(a_stroke())
+    told = " ".join(fact.text for fact in robot.examine().facts)
+    assert "50 mm beyond the fingertips of its fixed jaw" in told and "gripper: load" in told
+    bus.dead.add(6)
+    assert any("No gripper answers" in fact.text and fact.weight == "warning" for fact in robot.examine().facts)
+    robot.connect()
+    robot.follow(a_stroke())
 
 
 def test_a_degree_of_play_is_told_in_millimetres(bus: StsBus) -> None:
