@@ -3,6 +3,7 @@
 ebb.py speaks to the board. The motion is planned here: short straight moves in whole steps and milliseconds.
 """
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Iterator
@@ -271,7 +272,12 @@ class AxidrawRobot(Driver):
 
     def close(self) -> None:
         """Disconnects from the board, which goes on to hold its motors and the lift."""
-        line, self._line, self._board = self._line, None, None
+        line, board = self._line, self._board
+        if board is not None and self._interlock.stopped and not self._lost:
+            with contextlib.suppress(RobotError):  # after a stop the counters are true, too
+                board.drain()
+                board.note_steps()
+        self._line = self._board = None
         self._interlock.mark_disconnected()
         if line is not None:
             line.close()
@@ -406,6 +412,7 @@ class AxidrawRobot(Driver):
         if todo and todo[-1].height != before:  # the servo is up to two pulses late
             board.do(f"SM,{2 * _TICK},0,0", waypoints.label, None, time.monotonic() + PATIENCE)
         self._require_power(board, waypoints.label, board.wait(waypoints.label, until))
+        board.note_steps()
         self._alive = steady()
         return self._place(board)
 
@@ -468,8 +475,8 @@ def _read_zero(board: Board) -> tuple[int, int] | str:
     Another program that paints with the board sets the counters to zero and leaves the carriage there.
     """
     marked = board.recall_zero()
-    if marked is None:
-        return "its board was reset or just switched on; its zero is the home corner, into which it can be pushed now"
+    if isinstance(marked, str):
+        return marked
     if not board.motors_on():
         return "its motors were off, so its carriage may have been pushed; push it into the home corner, its zero"
     if board.steps() == (0, 0):

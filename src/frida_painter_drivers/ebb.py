@@ -8,6 +8,7 @@ software leaves on). It reads no command while its queue of one move is full. So
 
 import re
 import time
+import zlib
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -27,7 +28,7 @@ _VERSION = re.compile(r"EBB.*Firmware Version (\d+)\.(\d+)\.(\d+)")
 _OLDEST = (2, 4, 4)
 _MIN_VOLTAGE = 250  # reading of QC: about 9 V at the motors' plug
 _MARK = (70, 82, 73, 68)
-_MARK_INDEX, _OFFSET_INDEX = 20, 24  # of the 32 variables of firmware 3
+_STEPS_INDEX, _MARK_INDEX = 19, 20  # of the 32 variables of firmware 3
 _OFFSET_UNIT = 4  # steps: two offsets of 16 bits fit into the node counter of firmware 2
 
 
@@ -74,7 +75,7 @@ class Board:
         Raises RobotDisconnected if this is no EiBotBoard, RobotError if its firmware is too old.
         """
         self._line.write(b"\r")  # ends a partial command
-        self._drain()
+        self.drain()
         answer = self._ask_version()
         if answer.startswith("V,EBB"):
             self._line.write(b"CU,10,0\r")  # its answer begins in one syntax and ends in the other
@@ -175,7 +176,16 @@ class Board:
         else:
             offsets = [value // _OFFSET_UNIT + 0x8000 for value in (right, down)]
             self._do(f"SN,{offsets[0] << 16 | offsets[1]}")
-            self._do(f"SL,{_MARK[0]}")
+        self.note_steps()
+
+    def note_steps(self) -> None:
+        """Writes to the board's memory what tells the counters as they are from those of another program.
+
+        Each program that switches the motors on (EM) sets the counters to zero, wherever the carriage stands.
+        """
+        index = f",{_STEPS_INDEX}" if self.version >= (3, 0, 0) else ""
+        self._line.write(f"SL,{_digest(self.steps())}{index}\r".encode("ascii"))
+        self._read("SL")  # not by `do`, which heeds a stop
 
     def round_zero(self, steps: int) -> int:
         """Returns steps as the board's memory can hold them."""
@@ -185,15 +195,24 @@ class Board:
         """Deletes the mark from the board's memory."""
         self._do(f"SL,0,{_MARK_INDEX}" if self.version >= (3, 0, 0) else "SL,0")
 
-    def recall_zero(self) -> tuple[int, int] | None:
-        """Returns the position that `remember_zero` wrote; None if the board was started anew since."""
+    def recall_zero(self) -> tuple[int, int] | str:
+        """Returns the position that `remember_zero` wrote, or why it is not true any more."""
+        known = self._recall()
+        if known is None:
+            return "its board was reset or just switched on; its zero is the home corner, into which it can be pushed now"
+        index = f",{_STEPS_INDEX}" if self.version >= (3, 0, 0) else ""
+        if self._numbers(f"QL{index}", 1)[0] != _digest(self.steps()):
+            return "another program has moved it, or its last motion broke off; push it into the home corner, its zero"
+        return known
+
+    def _recall(self) -> tuple[int, int] | None:
         if self.version >= (3, 0, 0):
             memory = [self._numbers(f"QL,{_MARK_INDEX + index}", 1)[0] for index in range(12)]
             if tuple(memory[:4]) != _MARK:
                 return None
             right, down = (int.from_bytes(bytes(part), "big", signed=True) for part in (memory[4:8], memory[8:]))
             return right, down
-        if self._numbers("QL", 1)[0] != _MARK[0]:
+        if self._numbers("QL", 1)[0] == 0:
             return None
         both = self._numbers("QN", 1)[0]
         return ((both >> 16) - 0x8000) * _OFFSET_UNIT, ((both & 0xFFFF) - 0x8000) * _OFFSET_UNIT
@@ -300,7 +319,7 @@ class Board:
         answer = self._line.read(_SLICE)
         return None if answer is not None and answer.startswith(_UNASKED) else answer
 
-    def _drain(self) -> None:
+    def drain(self) -> None:
         """Discards what the board still says, such as the second line of an error before the connection."""
         until = time.monotonic() + PATIENCE
         while self._line.read(_QUIET) is not None:
@@ -311,3 +330,8 @@ class Board:
 
     def _nonsense(self, question: str, answer: str) -> RobotError:
         return RobotError(f"{self._interlock.name} answered {answer[:80]!r} to {question}; look at it and its cable.")
+
+
+def _digest(steps: tuple[int, int]) -> int:
+    """Returns a number from 1 to 255 for two counters of steps."""
+    return 1 + zlib.crc32(repr(steps).encode()) % 255

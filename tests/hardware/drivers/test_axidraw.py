@@ -26,6 +26,7 @@ from frida_painter_drivers.axidraw import KIND, LIFTS, MAX_SPEED, AxidrawRobot, 
 from frida_painter_drivers.serial_line import SerialLine
 from machines.ebb import BRUSHLESS, STANDARD, TimedEbb
 from machines.paths import a_stroke
+from machines.plotter_bench import plotter_bench
 from machines.simulated_time import SimulatedTime
 
 pytest.importorskip("serial", reason="the extra `plotter` is not installed")
@@ -398,3 +399,22 @@ def test_names_choose_lift_and_speeds() -> None:
         with pytest.raises(ConfigError):
             KIND.open(MachineName.of(name, KIND.form), workspace)
     assert LIFTS["standard"].pin == STANDARD
+
+
+@pytest.mark.parametrize("version", ["2.8.1", "3.0.3"])
+def test_another_program_that_moved_the_carriage_is_noticed(simulated_time: SimulatedTime, version: str) -> None:
+    """M35: its EM sets the counters to zero with the carriage away, and it then counts from there."""
+    bench = plotter_bench(simulated_time, version)
+    robot = bench.ready()
+    robot.follow(a_stroke())
+    robot.close()
+    robot.connect()
+    assert robot.zero().known
+    robot.close()
+    cable = bench.controller
+    for line in ("EM,1,1", "XM,500,400,200"):
+        cable.hear(f"{line}\r".encode())
+        simulated_time.sleep(1)
+    again = bench.robot()
+    again.connect()
+    assert "another program has moved it" in again.zero().lost
