@@ -19,6 +19,7 @@ from frida_painter.hardware.robot import (
     MotionReport,
     Point,
     Waypoints,
+    ZeroedRobot,
     plan_way_home,
 )
 from frida_painter.hardware.timing import AxisTiming
@@ -83,7 +84,8 @@ class Driver(ABC):
         with self._opening():
             self._open(examines=True)
             limits = self.travel_limits() if isinstance(self, LimitedRobot) else None
-            told = Examination(tuple(self._facts()), self.timing(), limits)
+            homes = isinstance(self, ZeroedRobot) and self.zero().homes
+            told = Examination(tuple(self._facts()), self.timing(), limits, homes)
         self.close()
         return told
 

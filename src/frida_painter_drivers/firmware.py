@@ -3,11 +3,12 @@
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
-from frida_painter.errors import MotionFailed, RobotDisconnected
+from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.interlock import Interlock
@@ -38,15 +39,29 @@ class AnyFirmware(ABC):
 
     def __init__(self, line: SerialLine, interlock: Interlock, language: Gcode, *, homing: bool) -> None:
         self.line, self._interlock, self._language, self._homing_wanted = line, interlock, language, homing
-        self._was_reset = self._zero_known = self._homes = False
+        self._was_reset = self._zero_known = self._homes = self._locked = False
+        self._axes = 3
         self._heard_at = time.monotonic()
         self.alive = steady()
         self._listens = True  # False while it reads what came when nobody listened
         self._strangers, self._strangers_since = 0, time.monotonic()
 
     @abstractmethod
-    def send(self, line: str, label: str, waypoint: int | None) -> None:
-        """Sends a line and returns when it is acknowledged; waits as long as the machine shows that it lives."""
+    def send(self, line: str, label: str, waypoint: int | None, quiet: float = 0.0) -> None:
+        """Sends a line and returns when it is acknowledged; waits as long as the machine shows that it lives.
+
+        quiet: seconds for which it may say nothing while it obeys the line
+        """
+
+    @property
+    @abstractmethod
+    def homing_seconds(self) -> float:
+        """Longest duration of homing, seconds."""
+
+    @property
+    @abstractmethod
+    def stop_bytes(self) -> bytes:
+        """Bytes that stop the machine, also while it homes."""
 
     @abstractmethod
     def position(self) -> NDArray[np.float64]:
@@ -61,6 +76,8 @@ class AnyFirmware(ABC):
         """Reason why the position may be wrong; "" if it survived."""
         if self._zero_known:
             return ""
+        if self._locked:
+            return "it is in an alarm, as after each start, and only homing ends that"
         return "its board was reset, and counts from 0 wherever it stands" if self._was_reset else self.untold
 
     def _explain_zero(self) -> Iterator[MachineFact]:
@@ -83,7 +100,25 @@ class AnyFirmware(ABC):
     def _words(self, tip: NDArray[np.float64]) -> str:
         """Returns a position as words, without the height if a servo has it."""
         x, y, z = (f"{value:.3f}" for value in tip)
-        return f"X{x} Y{y}" + ("" if self._language.servo is not None else f" Z{z}")
+        return f"X{x} Y{y}" + ("" if self._language.servo is not None or self._axes < 3 else f" Z{z}")
+
+    def require_unlocked(self, label: str) -> None:
+        """Raises RobotError, before anything is sent, if the machine does nothing but home."""
+        if self._locked:
+            said = f"{self._interlock.name} is locked by an alarm, in which it only homes"
+            raise RobotError(f"{label}: {said}. Let it home, or release it with its own controls, then connect anew.")
+
+    def _drive_home(self, line: str, seconds: float) -> None:
+        """Drives to the limit switches by a line; a machine that is given up is stopped. seconds: it may take"""
+        self._homes = True
+        try:
+            self.send(line, "homing", None, quiet=seconds)
+        except RobotDisconnected:
+            with suppress(RobotError):
+                self.line.write(self.stop_bytes)
+            raise
+        finally:
+            self._homes = False
 
     def _catch_up(self, label: str) -> None:
         """Reads what the machine said while nobody listened. Raises MotionFailed if it was reset meanwhile."""

@@ -40,8 +40,7 @@ class GcodeRobot(Driver):
     port: of the serial line
     gcode: dialect of the machine
     baud: bits per second
-    homing: True if the machine may drive to its limit switches on connection; GRBL with such switches needs it
-        after each start
+    homing: True if `find_zero` may drive to the limit switches; GRBL with switches needs that after each start
     lowest: robot z of the lowest point of the workspace, metres; None if unknown
     """
 
@@ -62,7 +61,7 @@ class GcodeRobot(Driver):
         self._begun = False
 
     def _open(self, *, examines: bool) -> None:
-        """Opens the line, waits for the machine, reads its settings and sets millimetres. Moves only to home it.
+        """Opens the line, waits for the machine, reads its settings and sets millimetres; moves nothing.
 
         Raises RobotError if the machine is in an alarm, or if its settings make painting impossible.
         """
@@ -79,7 +78,7 @@ class GcodeRobot(Driver):
     def zero(self) -> Zero:
         """Returns what the machine knows of its zero."""
         firmware = self._ready("zero")
-        return Zero(firmware.zero_lost, homes=self.homing and firmware.can_home)
+        return Zero(firmware.zero_lost, self.homing and firmware.can_home, firmware.homing_seconds)
 
     def find_zero(self) -> None:
         """Drives to the limit switches. Raises MotionFailed, RobotDisconnected or RobotStopped."""
@@ -96,6 +95,7 @@ class GcodeRobot(Driver):
         Raises MotionFailed, RobotDisconnected or RobotStopped.
         """
         language, firmware = self.gcode, self._ready("jog")
+        firmware.require_unlocked("jog")
         if language.servo is not None and step[2]:
             language.servo.require(self._height() + float(step[2]))
         with self._moving():
@@ -118,6 +118,7 @@ class GcodeRobot(Driver):
     def set_zero(self, tip: NDArray[np.float64]) -> None:
         """Declares that the tip stands at `tip` [3] (m). Raises MotionFailed, RobotDisconnected or RobotStopped."""
         firmware = self._ready("set zero")
+        firmware.require_unlocked("set zero")
         with self._moving():
             firmware.set_zero(1000 * tip)
 

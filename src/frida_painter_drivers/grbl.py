@@ -26,13 +26,14 @@ from frida_painter_drivers.serial_line import SerialLine
 _HOLD, _RESET, _STATUS = b"!", b"\x18", b"?"
 _GREETING = 7.0  # seconds until a board has started: a bootloader takes two, a processor with wireless up to five
 _ASK_AFTER = 0.5
-_HOMING = 90.0
 _MAX_REPORTS = 40  # At least one report in thirty contains the offset of the work coordinates.
 _SETTLING = 0.6  # seconds for late answers to another program
 _MILLIMETRES_PER_INCH = 25.4
+_SEARCH, _LOCATE = 1.5, 10.0  # homing goes at most this times its travel fast, and this times its pull-off slowly
 _OF_GRBL = ("[", "$", "error:", "ALARM:", ">")
 _DWELL = 0.05  # seconds: GRBL and grblHAL wait for multiples of it (DWELL_TIME_STEP), and FluidNC for milliseconds
 _SETTING = 0.02  # seconds: two acknowledged lines
+_PAUSES = 10.0  # seconds that homing waits for its switches, speeds up and slows down
 _BETWEEN = 0.01  # seconds between two motions, besides the dwell: questions for state and position
 _COARSE = 0.3  # mm of a step of the height that a person is told of
 _ALARMS = {
@@ -103,9 +104,17 @@ class _Told:
         """Returns what the line [NAME:...] of $I says; "" without such a line."""
         return next((line[len(name) + 2 :].rstrip("]") for line in self.version if line.startswith(f"[{name}:")), "")
 
+    def bit(self, name: str, bit: int) -> bool:
+        """Returns a bit of a setting; False if it is not known."""
+        return bool(int(self.number(name) or 0) >> bit & 1)
+
     def numbers(self, first: int) -> tuple[float, float, float] | None:
-        """Returns three settings of the axes; None if one is not known or not above 0."""
+        """Returns three settings of the axes; None if one is not known or not above 0.
+
+        A machine of two axes has a servo, whose timing is its own; its third setting is like the second.
+        """
         found = [self.number(str(first + axis)) for axis in range(3)]
+        found[2] = found[1] if found[2] is None else found[2]
         x, y, z = (value if value is not None and value > 0 else np.nan for value in found)
         return (x, y, z) if np.isfinite((x, y, z)).all() else None
 
@@ -123,6 +132,7 @@ class Grbl(AnyFirmware):
         self._inches = False
         self._state = ""
         self._ok_follows_report = self._skips_ok = self._button = False
+        self._axes = 3
         self._moved_at = time.monotonic()
         self._place: NDArray[np.float64] | None = None
         self._probes: deque[tuple[float, bool]] = deque(maxlen=9)  # machine height in mm, and if the contact closed
@@ -149,11 +159,15 @@ class Grbl(AnyFirmware):
         if release and report.held and self._stands():  # it keeps its position
             self._reset()
         told = self._told
-        if not report.state.startswith("Sleep"):
+        if not self._state.startswith(("Sleep", "Hold", "Door")):  # in these it reads no line
             told.version = self._list("$I")
             told.settings = dict(line[1:].split("=", 1) for line in self._list("$$") if re.match(r"\$\d+=", line))
             told.modes = next((line[4:-1].split() for line in self._list("$G") if line.startswith("[GC:")), [])
             told.offsets = self._list_offsets()
+            if self._name == "FluidNC":  # $$ says only a part of its configuration
+                for axis in "xyz"[: self._axes]:
+                    lines = (line.strip().partition(": ") for line in self._list(f"$/axes/{axis}"))
+                    told.settings |= {f"{axis} {name}": value for name, _, value in lines if value}
         self._inches = told.settings.get("13", "0").startswith("1")
         self._offset = None  # it was read before the unit was known
         if told.number("20") == 1:  # its limits are those of the machine's coordinates
@@ -163,22 +177,26 @@ class Grbl(AnyFirmware):
         self._zero_known = not self._was_reset and self._is_marked()
 
     def prepare(self) -> None:
-        """Makes the machine ready to move: sets its modes, and homes it if that is needed and allowed."""
+        """Makes the machine ready to move, and moves nothing. A machine that only homes stays as it is."""
         state = self._ask().state
-        if self._homing_wanted and (state.startswith("Alarm") or (state.startswith("Idle") and not self._zero_known)):
-            self.home()
-            state = self._ask().state
+        self._locked = state.startswith("Alarm") and self._homing_wanted and self.can_home
+        if self._locked:  # it takes nothing but $H, and a person is asked first
+            self._zero_known = False
+            return
         if not state.startswith("Idle"):
             raise RobotError(
                 f"{self._interlock.name} is not ready: it says {state!r}. Look at it, home or release it with its own "
                 "controls (or allow homing in its settings), then connect anew; this program never clears an alarm."
             )
+        self._set_modes()
+        self._button = False  # it may have been held by a stop
+
+    def _set_modes(self) -> None:
         # Laser mode puts out nothing in the modal state G0, which holds after a reset: the servo would drop.
         for command in ("G21", "G90", "G94", f"G1 F{60_000 * self._language.approach:.0f}"):
             self.send(command, "connect", None)
         self._offset = None
         self.position()
-        self._button = False  # it may have been held by a stop
 
     def facts(self) -> Iterator[MachineFact]:
         """Yields what the controller told, for a person."""
@@ -223,10 +241,17 @@ class Grbl(AnyFirmware):
             yield MachineFact("It reports inches ($13=1), which are converted.")
         if told.number("20") == 1 and (travel := told.numbers(130)):
             yield MachineFact(f"Its own limits are {travel[0]:g} x {travel[1]:g} x {travel[2]:g} mm ($20=1).")
-        if told.settings and told.number("22") == 0:
-            yield MachineFact("It has no homing ($22=0): after a power cut a person finds its zero.")
-            if self._homing_wanted:
-                yield MachineFact("Homing is allowed (homing=yes), and it has none ($22=0); leave it out.", "refusal")
+        if told.settings and not self.can_home:
+            yield MachineFact(
+                "It has no homing ($22=0): after a power cut a person finds its zero. If it has limit switches, set "
+                "$22=1.",
+                "warning" if self._homing_wanted else "fact",
+                "It does not home ($22=0). Shall the setup go on without limit switches? You then move its tip to its "
+                "front left corner, by keys." if self._homing_wanted else "",
+            )
+        if self._axes < 3 and self._language.tells_height:
+            yield MachineFact("It has no axis Z, so nothing raises the brush: give servo=, or own= with lines that do.",
+                              "refusal")  # fmt: skip
         if servo is not None:
             yield from self._explain_servo()
         if self._ok_follows_report:
@@ -234,7 +259,7 @@ class Grbl(AnyFirmware):
         state = self._state
         if state.startswith("Alarm"):
             help_it = (
-                "it homes when it is connected (homing=yes)." if self._homing_wanted
+                "you are asked before it homes (homing=yes)." if self._homing_wanted
                 else "home it or release it with its own controls, or allow homing in its name (homing=yes)."
             )  # fmt: skip
             yield MachineFact(f"It is in an alarm: {help_it}", "fact" if self._homing_wanted else "warning")
@@ -288,18 +313,46 @@ class Grbl(AnyFirmware):
 
     def box(self) -> Box | None:
         """Returns two corners of the box that limits its motion, mm of its work coordinates; None without limits."""
-        travel = self._told.numbers(130)
-        if self._told.number("20") != 1 or travel is None or self._offset is None:
+        told, travel = self._told, self._told.numbers(130)
+        if told.number("20") != 1 or travel is None or self._offset is None:
             return None
-        return -np.array(travel) - self._offset, -self._offset
+        # Machine space is below 0 (system.c), unless the switches are its zero: letter Z of $I, always in FluidNC.
+        flags, fluid = told.about("OPT").partition(",")[0], self._name == "FluidNC"
+        at_zero = fluid or "Z" in flags
+        lower, upper = -np.array(travel), np.zeros(3)
+        for axis in range(3):
+            if at_zero and told.bit("23", axis):  # it homes to its lower end
+                lower[axis], upper[axis] = 0.0, travel[axis]
+            if fluid:
+                shift = float(told.settings.get(f"{'xyz'[axis]} mpos_mm", 0))
+                lower[axis], upper[axis] = lower[axis] + shift, upper[axis] + shift
+        if told.bit("21", 0) and self.can_home and not fluid:  # at the switches, hard limits raise an alarm
+            off = told.number("27") or 0.0
+            lower, upper = lower + off * (lower < 0), upper - off * ((upper > 0) | (not at_zero))
+        return lower - self._offset, upper - self._offset
 
-    # The zero. GRBL loses its S word at every reset and keeps it otherwise, so the S word tells if the position
-    # survived. With a servo, the servo's own value tells it.
+    # The zero. GRBL and FluidNC forget their T word at every reset and keep it otherwise, and it moves nothing; so it
+    # tells if the position survived. grblHAL may keep it over a power cut; its S word tells the same, and is set only
+    # while the spindle is off. With a servo on grblHAL, the servo's own value tells it.
 
     @property
     def can_home(self) -> bool:
         """True if it has limit switches."""
-        return self._told.number("22") == 1
+        return self._told.bit("22", 0)  # grblHAL's other bits say how it homes
+
+    @property
+    def homing_seconds(self) -> float:
+        """Longest duration of homing, seconds: every axis alone, over all of its travel."""
+        told, seconds = self._told, _PAUSES
+        for axis, travel in zip("xyz", told.numbers(130) or (1000.0, 1000.0, 1000.0), strict=True):
+            seek, feed = (
+                float(told.settings.get(f"{axis} {name}_mm_per_min", 0)) or told.number(number) or usual
+                for name, number, usual in (("seek", "25", 200.0), ("feed", "24", 25.0))
+            )
+            off = float(told.settings.get(f"{axis} pulloff_mm", 0)) or told.number("27") or 1.0
+            rounds = told.number("43") or 1.0  # of grblHAL
+            seconds += 60 * (_SEARCH * travel / seek + rounds * _LOCATE * off / feed)
+        return seconds
 
     def home(self) -> None:
         """Lifts the brush if that needs no axis, and drives to the limit switches: the axis Z first, as GRBL does.
@@ -308,14 +361,9 @@ class Grbl(AnyFirmware):
         """
         if self._ask().state.startswith("Idle") and not self._language.tells_height:
             self.lift("homing")
-        self._homes = True
-        try:
-            travel = self._told.numbers(130) or (1000.0, 1000.0, 1000.0)
-            seek = self._told.number("25") or 500.0
-            seconds = max(_HOMING, 2.5 * sum(travel) / max(seek, 1.0) * 60)
-            self.send("$H", "homing", None, quiet=seconds)
-        finally:
-            self._homes = False
+        self._drive_home("$H", self.homing_seconds)
+        self._locked = False
+        self._set_modes()
         self._mark_zero()
 
     def set_zero(self, tip: NDArray[np.float64]) -> None:
@@ -327,31 +375,35 @@ class Grbl(AnyFirmware):
     def _mark_zero(self) -> None:
         self._was_reset, self._zero_known = False, True
         self._told.offsets = self._list_offsets()
-        if self._language.servo is None:
-            self.send(f"S{self._mark()}", "zero", None)
+        if self._name != "grblHAL":
+            self.send(f"T{self._mark(254)}", "zero", None)
+        elif any("M5" in line.split() for line in self._list("$G")):
+            self.send(f"S{self._mark(900)}", "zero", None)
 
     def _list_offsets(self) -> list[str]:
         return [line for line in self._list("$#") if line.startswith(("[G5", "[G92"))]
 
-    def _mark(self) -> int:
-        """Returns the S word that stands for these offsets of the work coordinates."""
-        return 1 + zlib.crc32("".join(self._told.offsets).encode()) % 900
+    def _mark(self, most: int) -> int:
+        """Returns the number, 1 to `most`, that stands for these offsets of the work coordinates."""
+        return 1 + zlib.crc32("".join(self._told.offsets).encode()) % most
 
     def _is_marked(self) -> bool:
-        words = {word[0]: word[1:] for word in self._told.modes}
+        words, servo = {word[0]: word[1:] for word in self._told.modes}, self._language.servo
+        if self._name != "grblHAL":
+            return words.get("T") == str(self._mark(254))
         try:
             power = float(words.get("S", "0"))
         except ValueError:
             return False
-        if self._language.servo is None:
-            return "M5" in self._told.modes and power == self._mark()
-        low, high = sorted((self._language.servo.low[1], self._language.servo.high[1]))
+        if servo is None:
+            return "M5" in self._told.modes and power == self._mark(900)
+        low, high = sorted((servo.low[1], servo.high[1]))
         return "M3" in self._told.modes and low - 1 <= power <= high + 1 and power > 0
 
     def jog(self, step: NDArray[np.float64], label: str) -> None:
         """Moves by `step` [3] mm, and returns when the machine stands."""
-        x, y, z = (f"{value:.3f}" for value in step)
-        self.send(f"$J=G91 G21 X{x} Y{y} Z{z} F{JOG_FEED}", label, None)
+        words = (f" {axis}{value:.3f}" for axis, value in zip("XYZ", step, strict=True) if value)  # it may have no Z
+        self.send(f"$J=G91 G21{''.join(words)} F{JOG_FEED}", label, None)
         self._await_idle(label)
 
     # Motion.
@@ -473,9 +525,8 @@ class Grbl(AnyFirmware):
         while time.monotonic() < until and not self._was_reset:
             self._hear(SLICE)
         self._was_reset, self._zero_known = False, known
-        if known and self._language.servo is None:
-            self.line.write(f"S{self._mark()}\n".encode("ascii"))
-            self._hear(4 * SLICE)
+        if known:
+            self._mark_zero()
 
     # Lines that come.
 
@@ -545,11 +596,14 @@ class Grbl(AnyFirmware):
         return False
 
     def _list(self, question: str) -> list[str]:
-        """Returns the lines that answer a question of GRBL's own, without the ok; [] if it refuses to answer."""
+        """Returns the lines that answer a question of GRBL's own, without the ok; [] if it refuses to answer.
+
+        Raises RobotDisconnected if the ok does not come: it would acknowledge another line later.
+        """
         self.line.write(question.encode("ascii") + b"\n")
         found: list[str] = []
-        until = time.monotonic() + 1.5
-        while time.monotonic() < until:
+        began = self._heard_at = time.monotonic()
+        while time.monotonic() < min(self._heard_at + PATIENCE, began + 6 * PATIENCE):
             answer = self._hear(SLICE)
             if answer == "ok":
                 return found
@@ -557,7 +611,9 @@ class Grbl(AnyFirmware):
                 return []
             if answer:
                 found.append(answer)
-        return found
+        raise RobotDisconnected(
+            f"{self._interlock.name} did not end its answer to {question!r}; look at its cable, then connect anew."
+        )
 
     def _require_alive(self, label: str, quiet: float) -> None:
         """Raises RobotDisconnected if the machine says nothing, or says that it moves and does not."""
@@ -605,6 +661,12 @@ class Grbl(AnyFirmware):
 
     def _parse_report(self, report: str) -> _Report:
         parts = report.strip("<>").split("|")
+        if "," in parts[0]:  # <Idle,MPos:0.000,0.000,0.000,WPos:...>
+            raise RobotError(
+                f"{self._interlock.name} has GRBL 0.9 or older, which tells too little of itself. Write down its "
+                "settings ($$), flash GRBL 1.1 (github.com/gnea/grbl/wiki/Flashing-Grbl-to-an-Arduino), and set them "
+                "again."
+            )
         numbers: dict[str, NDArray[np.float64]] = {}
         pins = ""
         for part in parts[1:]:
@@ -616,6 +678,8 @@ class Grbl(AnyFirmware):
                 here = np.array([float(value) for value in values.split(",")[:3]])
             except ValueError:
                 here = np.empty(0)
+            if here.shape == (2,):  # FluidNC with two axes
+                self._axes, here = 2, np.array([*here, 0.0])
             if here.shape != (3,) or not np.isfinite(here).all():
                 raise RobotDisconnected(
                     f"{self._interlock.name} reported {report[:80]!r}, which is no place; look at its line."

@@ -25,13 +25,17 @@ _GREETING = 8.0  # seconds until a board has started
 _MAX_RESENDS = 3
 _BUSY = 2.0  # seconds between two "busy" of a machine that works
 _SILENT = 60.0  # seconds of the longest single motion of a machine that does not tell that it is busy
-_HOMING = 120.0
+_HOMING_SPEED, _SEARCH = (50.0, 50.0, 4.0), 1.5  # mm/s of x, y, z (HOMING_FEEDRATE_MM_M), over 1.5 times the travel
 _SETTLING = 1.5  # seconds
 _BETWEEN = 0.02  # seconds between two motions
 _SETTING = 0.33  # seconds: M280 returns after SERVO_DELAY, 0.3 s if its builder did not change it, and three lines
 _CLEAR = 5.0  # mm by which the brush is lifted before homing, wherever it stands
 _FOUND = 86.4
-"""E position that stands for a zero that was found: a restart sets it to 0, and nothing here extrudes."""
+"""E position that stands for a zero that was found: a restart sets it to 0, and nothing here extrudes.
+
+A build without extruders has no E. There it is the acceleration of retracting (M204 R), which a restart sets to another
+value; nothing else uses it.
+"""
 _PLACE = re.compile(r"X:\s*(-?[\d.]+)\s+Y:\s*(-?[\d.]+)\s+Z:\s*(-?[\d.]+)(?:\s+E:\s*(-?[\d.]+))?")
 
 
@@ -46,7 +50,7 @@ class Marlin(AnyFirmware):
         self._about, self._capabilities = "", dict[str, bool]()
         self._codes: dict[str, dict[str, float]] = {}
         self._box: Box | None = None
-        self._has_servo = True
+        self._has_servo = self._extrudes = True
         self._answer: list[str] = []
         self._strange: deque[str] = deque(maxlen=20)
 
@@ -91,15 +95,14 @@ class Marlin(AnyFirmware):
             self._has_servo = not any("nknown command" in line for line in self._ask("M280 P0"))
         told, _ = self._ask_place()
         self._box = self._soft_box()
-        mark = told.group(4)
-        self._zero_known = not self._was_reset and mark is not None and abs(float(mark) - _FOUND) < 0.01
+        self._extrudes = told.group(4) is not None
+        mark = float(told.group(4)) if self._extrudes else self._codes.get("M204", {}).get("R", 0.0)
+        self._zero_known = not self._was_reset and abs(mark - _FOUND) < 0.01
 
     def prepare(self) -> None:
-        """Sets millimetres and absolute coordinates, and keeps the motors on; homes the machine if that is allowed."""
+        """Sets millimetres and absolute coordinates, and keeps the motors on; moves nothing."""
         for command in ("G21", "G90", "M84 S0"):  # a motor that is off loses its position
             self.send(command, "connect", None)
-        if self._homing_wanted and not self._zero_known:
-            self.home()
         self.position()
         self._strange.clear()  # a press before the connection meant something else
 
@@ -115,7 +118,7 @@ class Marlin(AnyFirmware):
             yield MachineFact("It does not list its settings (M503); times are reckoned as if it moved at full speed.",
                               "warning")  # fmt: skip
         yield from self._explain_zero()
-        rates, gains = self._axes("M203"), self._axes("M201")
+        rates, gains = self._axes_of("M203"), self._axes_of("M201")
         if rates and gains:
             yield self._explain_speeds(rates, gains, " (M203)", " (M201)")
         if self._box is not None:
@@ -136,20 +139,20 @@ class Marlin(AnyFirmware):
                               "switched off and on; that is what a stop sends then.", "warning")  # fmt: skip
         yield MachineFact("A stop halts its motors at once, and they may lose steps; its zero is then found again.")
 
-    def _axes(self, code: str) -> Axes | None:
+    def _axes_of(self, code: str) -> Axes | None:
         words = self._codes.get(code, {})
         x, y, z = (words.get(axis, 0.0) for axis in "XYZ")
         return (x, y, z) if min(x, y, z) > 0 else None
 
     def timing(self) -> AxisTiming | None:
         """Returns the limits of the axes; None if they were not told."""
-        rates, gains = self._axes("M203"), self._axes("M201")
+        rates, gains = self._axes_of("M203"), self._axes_of("M201")
         if rates is None or gains is None:
             return None
         speed, gain = [rate / 1000 for rate in rates], [one / 1000 for one in gains]
         along = self._codes.get("M204", {}).get("T", 0.0) / 1000
         corners = self._codes.get("M205", {})
-        jerk = self._axes("M205")
+        jerk = self._axes_of("M205")
         return AxisTiming(
             tuple(speed),
             tuple(gain),
@@ -180,17 +183,22 @@ class Marlin(AnyFirmware):
         """True: a printer has limit switches."""
         return True
 
+    @property
+    def homing_seconds(self) -> float:
+        """Longest duration of homing, seconds: every axis alone, over all of its travel."""
+        travel = (300.0, 300.0, 400.0) if self._box is None else self._box[1] - self._box[0]
+        speed = self._axes_of("M210") or _HOMING_SPEED
+        limit = self._axes_of("M203") or speed
+        ways = zip(travel, speed, limit, strict=True)
+        return 20.0 + sum(_SEARCH * float(way) / min(most, one) for way, one, most in ways)
+
     def home(self) -> None:
         """Lifts the brush, and drives to the limit switches: Marlin homes x and y first."""
         if self._language.tells_height:
             self.jog(np.array([0.0, 0.0, _CLEAR]), "homing")
         else:
             self.lift("homing")
-        self._homes = True
-        try:
-            self.send("G28", "homing", None, quiet=_HOMING)
-        finally:
-            self._homes = False
+        self._drive_home("G28", self.homing_seconds)
         self._mark_zero()
 
     def set_zero(self, tip: NDArray[np.float64]) -> None:
@@ -199,7 +207,7 @@ class Marlin(AnyFirmware):
         self._mark_zero()
 
     def _mark_zero(self) -> None:
-        self.send(f"G92 E{_FOUND}", "zero", None)
+        self.send(f"G92 E{_FOUND}" if self._extrudes else f"M204 R{_FOUND}", "zero", None)
         self._was_reset, self._zero_known = False, True
         self._box = self._soft_box()
 
@@ -271,7 +279,7 @@ class Marlin(AnyFirmware):
         Homing goes on after a quick stop (Marlin 19774); then it is the emergency stop (M112). A note in the machine
         follows: its position is not known, because a quick stop may lose steps.
         """
-        return b"\nM112\n" if self._homes else b"\nM410\nG92 E0\n"
+        return b"\nM112\n" if self._homes else b"\nM410\nG92 E0\n" if self._extrudes else b"\nM410\nM204 R1000\n"
 
     def forget(self) -> None:
         """Notes that the position is not known, as the machine does. Its queue is empty."""

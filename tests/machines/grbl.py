@@ -8,7 +8,7 @@ of them says is in the comment beside it.
 import math
 import re
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,12 @@ class Kind:
     dwell_step: float = 0.05  # nuts_bolts.c: it waits for multiples of DWELL_TIME_STEP
     mute_after_limit: bool = True  # protocol.c: after a critical alarm it hears nothing but a reset
     hides: tuple[str, ...] = ()  # settings that it does not list
+    axes: int = 3
+    shows_tool: bool = True  # gcode.c: "Only tracks tool value"; grblHAL shows a tool only once it was changed (M6)
+    old: bool = False  # GRBL 0.9: report.c of v0.9j, <Idle,MPos:...,WPos:...>
+    slow: float = 0.0  # seconds between the halves of the list of settings: a slow or busy line
+    at_zero: bool = False  # HOMING_FORCE_SET_ORIGIN (limits.c, system.c); always in FluidNC (Limit.cpp)
+    places: tuple[float, ...] = (0.0, 0.0, 0.0)  # FluidNC: mpos_mm of its axes
 
 
 GRBL = Kind()
@@ -73,6 +79,7 @@ GRBLHAL = Kind(
     mute_after_limit=False,
     resets_when_opened=False,  # USB CDC of the processor itself
     tells_homed=True,
+    shows_tool=False,
 )  # fmt: skip
 FLUIDNC = Kind(
     banner="Grbl 3.7 [FluidNC v3.7.16 (wifi) '$' for help]",
@@ -83,8 +90,13 @@ FLUIDNC = Kind(
     line=255,
     mute_after_limit=False,
     dwell_step=0.001,
-    hides=("0", "1", "2", "3", "4", "5", "6"),  # its configuration file says these
+    hides=("0", "1", "2", "3", "4", "5", "6", "24", "25", "26", "27"),  # its configuration file says these
+    at_zero=True,
 )
+FLUIDNC_FLAT = replace(FLUIDNC, axes=2, hides=(*FLUIDNC.hides, "112", "122", "132"))  # Axes::_numberAxis is 2
+ORIGIN = Kind(version=("[VER:1.1h.20190825:]", "[OPT:VZ,15,128]"), at_zero=True)  # report.c: the letter Z
+GRBL_0_9 = Kind(banner="Grbl 0.9j ['$' for help]", version=("[0.9j.20160317:]",), old=True)
+SLOW = Kind(slow=2.2)
 
 
 @dataclass
@@ -133,7 +145,8 @@ class GrblController:
         self.lose_lines = 0
         self.reports = 0
         self.starts = 0
-        self._booting = 0.0
+        self._booting = self._lists = 0.0
+        self._late: list[str] = []
         self._since_chatter = 0.0
         self.often = False
         self._rx = b""
@@ -197,14 +210,14 @@ class GrblController:
 
     def _power_on(self) -> None:
         self._parser()
-        self.state = "Alarm" if self.settings["22"] else "Idle"
+        self.state = "Alarm" if int(self.settings["22"]) & 1 else "Idle"  # grblHAL: bit 0 of homing_settings_flags_t
 
     def _parser(self) -> None:
         """Start of the G-code parser: the same after power-up and after a soft reset (gc_init)."""
         self._probing = None
         self.shift = np.zeros(3)  # G92
         self.motion, self.absolute, self.inches, self.per_minute = "G0", True, False, True
-        self.spindle, self.power, self.feed = "M5", 0.0, 0.0
+        self.spindle, self.power, self.feed, self.tool = "M5", 0.0, 0.0, 0
         self._dwell = self._homing = 0.0
         self._syncing = None
         self._jogging = False
@@ -252,6 +265,7 @@ class GrblController:
         if self.dead:
             return
         self._chat(seconds)
+        self._list_late(seconds)
         if self.button:
             self._feed_hold()
         if self.door and not self.state.startswith(("Door", "Alarm")):
@@ -279,9 +293,16 @@ class GrblController:
                 self._answer("ok")
         self._obey_waiting()
 
+    def _list_late(self, seconds: float) -> None:
+        self._lists -= seconds
+        if self._lists <= 0:
+            for line in self._late:
+                self._answer(line)
+            self._late = []
+
     def _obey_waiting(self) -> None:
         for _ in range(64):
-            if self._dwell > 0 or self._homing > 0 or self.state.startswith(("Hold", "Door")):
+            if self._late or self._dwell > 0 or self._homing > 0 or self.state.startswith(("Hold", "Door")):
                 return
             if self._probing is not None:
                 return
@@ -365,6 +386,14 @@ class GrblController:
             elif letter not in "GMXYZFSPLTN" or (letter == "M" and word not in _M_CODES):
                 self._answer("error:20")
                 return
+        if any(axis >= self.kind.axes for axis in axes):
+            self._answer("error:20")  # GCode.cpp: a word of an axis that is not there
+            return
+        tools = [int(float(value)) for letter, value in words if letter == "T"]
+        if tools and not 0 <= tools[0] <= 255:  # MAX_TOOL_NUMBER
+            self._answer("error:38")
+            return
+        self.tool = tools[0] if tools and self.kind.shows_tool else self.tool
         unit = _INCH if self.inches else 1.0
         if "F" in numbers:
             self.feed = numbers["F"] * unit
@@ -460,14 +489,35 @@ class GrblController:
             if self.state.startswith(("Run", "Hold")):
                 self._answer("error:8")  # "Grbl '$' command cannot be used unless Grbl is IDLE"
                 return
-            for name, value in self.settings.items():
-                if name not in self.kind.hides:
-                    shown = f"{value:.3f}" if isinstance(value, float) else f"{value:d}"
-                    self._answer(f"${name}={shown}")
+            shown = [
+                f"${name}={value:.3f}" if isinstance(value, float) else f"${name}={value:d}"
+                for name, value in self.settings.items()
+                if name not in self.kind.hides
+            ]
+            half = len(shown) // 2 if self.kind.slow else 0
+            for line in shown[:half]:
+                self._answer(line)
+            self._late, self._lists = [*shown[half:], "ok"], self.kind.slow
+            self._list_late(0.0)
+        elif found := re.fullmatch(r"\$/axes/([xyz])", text.lower()):
+            axis, homing = "xyz".index(found[1]), bool(self.settings["22"])
+            if "FluidNC" not in self.kind.banner or axis >= self.kind.axes:
+                self._answer("error:3")
+                return
+            self._answer(f"/axes/{found[1]}:")  # RuntimeSetting.cpp, Generator.h
+            for line in (f"  max_travel_mm: {self.settings[str(130 + axis)]:.3f}", "  homing:"):
+                self._answer(line)
+            if homing:
+                positive = "false" if int(self.settings["23"]) >> axis & 1 else "true"
+                seek, feed = self.settings["25"], self.settings["24"]
+                for line in (f"cycle: {2 if axis < 2 else 1}", f"positive_direction: {positive}",
+                             f"mpos_mm: {self.kind.places[axis]:.3f}", f"feed_mm_per_min: {feed:.3f}",
+                             f"seek_mm_per_min: {seek:.3f}"):  # fmt: skip
+                    self._answer(f"    {line}")
             self._answer("ok")
         elif text == "$G":
             modes = f"{self.motion} G54 G17 G2{0 if self.inches else 1} G9{0 if self.absolute else 1}"
-            rate = f"G9{4 if self.per_minute else 3} {self.spindle} M9 T0"
+            rate = f"G9{4 if self.per_minute else 3} {self.spindle} M9 T{self.tool}"
             self._answer(f"[GC:{modes} {rate} F{self._unit(self.feed):.0f} S{self.power:.0f}]")
             self._answer("ok")
         elif text == "$I" and standing:
@@ -488,12 +538,13 @@ class GrblController:
                 self._answer("[MSG:Caution: Unlocked]")
             self._answer("ok")
         elif text == "$H" and standing:
-            if not self.settings["22"]:
+            if not int(self.settings["22"]) & 1:
                 self._answer("error:5")  # "Homing cycle is not enabled via settings"
                 return
             self.state = "Home"
             travel = max(self.settings["130"], self.settings["131"]) + self.settings["132"]
-            self._homing = travel / (self.settings["25"] / 60)
+            slow = 10 * self.settings["27"] / (self.settings["24"] / 60)  # two cycles, HOMING_AXIS_LOCATE_SCALAR 5
+            self._homing = travel / (self.settings["25"] / 60) + slow
         elif text.startswith("$J=") and standing:
             self._jog(text[3:])
         elif match := re.fullmatch(r"\$(\d+)=(-?[\d.]+)", text):
@@ -526,7 +577,7 @@ class GrblController:
 
     def _end_homing(self) -> None:
         """The machine stands at its switches now: its counters say where, minus the pull-off."""
-        home = np.array([-self.settings["27"]] * 3)
+        home = np.array([self._home(axis) for axis in range(3)])
         self._past += self.queue.moved_at(self.slip)
         self.queue.moved = []
         self.queue.place = home.copy()
@@ -536,8 +587,19 @@ class GrblController:
         self._answer("ok")
 
     def _within_travel(self, target: np.ndarray) -> bool:
-        travel = np.array([self.settings["130"], self.settings["131"], self.settings["132"]])
-        return bool(((target >= -travel - 1e-6) & (target <= 1e-6)).all())
+        for axis in range(self.kind.axes):
+            travel, place = self.settings[str(130 + axis)], self.kind.places[axis]
+            low = place if self.kind.at_zero and int(self.settings["23"]) >> axis & 1 else place - travel
+            if not low - 1e-6 <= target[axis] <= low + travel + 1e-6:
+                return False
+        return True
+
+    def _home(self, axis: int) -> float:
+        """Machine position of an axis after homing (limits.c); in FluidNC its mpos_mm."""
+        if self.kind.at_zero:
+            return self.kind.places[axis]
+        low = int(self.settings["23"]) >> axis & 1
+        return self.settings["27"] - self.settings[str(130 + axis)] if low else -self.settings["27"]
 
     def _check_limits(self) -> None:
         if self.wall is not None and self.settings["21"] and self.tip[0] >= self.wall and self.queue.moving:
@@ -635,6 +697,9 @@ class GrblController:
             fields.append("Ov:100,100,100")
         if self.kind.tells_homed and self.reports % 10 == 3:
             fields.append(f"H:{int(self.homed)}")
+        if self.kind.old:
+            work = self._places(self.queue.place - self.work_offset)
+            fields = [f"{state},MPos:{self._places(self.queue.place)},WPos:{work}"]
         self._answer(f"<{'|'.join(fields)}>")
         if self.kind.ok_after_report:
             self._answer("ok")
@@ -644,7 +709,7 @@ class GrblController:
 
     def _places(self, place: np.ndarray) -> str:
         digits = 4 if self.settings["13"] else 3
-        return ",".join(f"{self._unit(float(value)):.{digits}f}" for value in place)
+        return ",".join(f"{self._unit(float(value)):.{digits}f}" for value in place[: self.kind.axes])
 
 
 def router(settings: dict[str, float] | None = None) -> GrblController:

@@ -48,6 +48,7 @@ PLAIN = Build()
 ADVANCED = Build(name="Marlin bugfix-2.1.x (Dec 2 2023 10:00:00)", advanced_ok=True, chatter=(" T:21.3 /0.0 B:20.9",))
 OLD = Build(name="Marlin 1.1.9 (Github)", emergency_parser=False, keepalive=False, jerk=(8.0, 8.0, 0.4))
 SERVO = Build(servos=1)
+BARE = Build(extruders=0)  # HAS_EXTRUDERS: motion.cpp reports no E
 
 
 class MarlinController:
@@ -88,7 +89,7 @@ class MarlinController:
 
     def _boot_values(self) -> None:
         self.shift = np.zeros(3)  # of G92
-        self.extruder = 0.0
+        self.extruder, self.retracting = 0.0, 1000.0
         self.absolute, self.feed = True, 1500.0
         self.motors_on = True
         self._idle_for, self._timeout = 0.0, _INACTIVE
@@ -291,6 +292,8 @@ class MarlinController:
                 self._answer(f"X:{x:.2f} Y:{y:.2f} Z:{z:.2f}{extruder} Count X:{count[0]} Y:{count[1]} Z:{count[2]}")
             case "M115":
                 self._tell_capabilities()
+            case "M204":  # M200-M205.cpp: "Retract only (no X, Y, Z) moves"
+                self.retracting = float(words.get("R", self.retracting))
             case "M503":
                 self._tell_settings()
             case "M211":
@@ -335,7 +338,7 @@ class MarlinController:
                  "; Max Acceleration (units/s2):",
                  f" M201 {gains} E5000.00",
                  "; Acceleration (units/s2) (P<print-accel> R<retract-accel> T<travel-accel>):",
-                 f" M204 P500.00 R1000.00 T{build.travel:.2f}"]  # fmt: skip
+                 f" M204 P500.00 R{self.retracting:.2f} T{build.travel:.2f}"]  # fmt: skip
         if build.jerk is None:
             lines.append(f" M205 B20000.00 S0.00 T0.00 J{build.deviation:.2f}")
         else:

@@ -201,11 +201,13 @@ class Zero:
 
     lost: reason why the reported position may be wrong, as part of a sentence ("its board was reset as the line was
         opened"); "" if the position survived since the zero was found
-    homes: True if the machine can find its zero by itself, with limit switches, and is allowed to
+    homes: True if the machine can find its zero by itself, with limit switches, and may after a person said yes
+    seconds: longest duration of that
     """
 
     lost: str = ""
     homes: bool = False
+    seconds: float = 300.0
 
     @property
     def known(self) -> bool:
@@ -286,11 +288,13 @@ class Examination:
     facts: in the order in which a person reads them
     timing: limits that the controller told; None if it did not
     travel: limits of the travel that it told; None without
+    homes: as in Zero
     """
 
     facts: tuple[MachineFact, ...]
     timing: AxisTiming | None = None
     travel: TravelLimits | None = None
+    homes: bool = False
 
 
 @runtime_checkable

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, RobotError, RobotStopped
-from frida_painter.hardware.gcode import Gcode, Servo
+from frida_painter.hardware.gcode import Gcode, OwnGcode, Servo
 from frida_painter.hardware.robot import Waypoints
 from frida_painter_drivers import serial_line
 from frida_painter_drivers.gcode import GcodeRobot
@@ -65,24 +66,128 @@ def test_a_machine_with_switches_is_homed_only_if_that_is_allowed(simulated_time
     allowed = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, HOMES), Gcode("grbl", 0.1), homing=True)
     robot = allowed.robot()
     robot.connect()
-    assert robot.zero().known and robot.zero().homes
-    assert allowed.commands().count("$H") == 1
+    assert not robot.zero().known and robot.zero().homes, "a person is asked first (M26)"
+    sent = len(allowed.commands())
+    for act in (lambda: robot.jog(np.array([0.001, 0, 0])), lambda: robot.set_zero(FOUND)):
+        with pytest.raises(RobotError, match="locked by an alarm.* Let it home"):
+            act()
+    assert len(allowed.commands()) == sent
+    robot.find_zero()
+    assert robot.zero().known and allowed.commands().count("$H") == 1
+    robot.follow(Waypoints("aside", np.array([[-0.05, -0.05, -0.02]]), 0.1))
     robot.close()
     robot.connect()
-    assert allowed.commands().count("$H") == 1, "it knows where it is"
+    assert robot.zero().known, "it knows where it is"
     robot.find_zero()
     assert allowed.commands().count("$H") == 2
-    none = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, grbl.QUICK), Gcode("grbl", 0.1), homing=True)
-    with pytest.raises(RobotError, match=r"Homing is allowed \(homing=yes\), and it has none"):
-        none.robot().connect()
+
+
+def test_a_machine_without_switches_goes_on_without(simulated_time: SimulatedTime) -> None:
+    """M28: homing was allowed by a preset, and a person knows better."""
+    bench = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, grbl.QUICK), Gcode("grbl", 0.1), homing=True)
+    asked = [fact for fact in bench.robot().examine().facts if fact.question]
+    assert any("does not home ($22=0)" in fact.question and fact.weight == "warning" for fact in asked)
+    robot = bench.ready()
+    assert not robot.zero().homes and "$H" not in bench.commands()
+
+
+@pytest.mark.parametrize(("bits", "homes"), [(1, True), (3, True), (7, True), (13, True), (2, False), (12, False)])
+def test_the_lowest_bit_says_if_grblhal_homes(simulated_time: SimulatedTime, bits: int, homes: bool) -> None:
+    """M41: homing_settings_flags_t of grblHAL's settings.h."""
+    machine = grbl.GrblController(grbl.GRBLHAL, {**HOMES, "22": bits})
+    bench = serial_bench(simulated_time, machine, Gcode("grbl", 0.1), homing=True)
+    robot = bench.robot()
+    robot.connect()
+    assert robot.zero().homes is homes
+
+
+@pytest.mark.parametrize("kind", [grbl.GRBL, grbl.GRBLHAL, grbl.FLUIDNC])
+def test_homing_has_the_time_that_its_rates_need_and_giving_up_ends_it(
+    simulated_time: SimulatedTime, kind: grbl.Kind
+) -> None:
+    """M27: at 500 and 25 mm/min 900 mm take longer than anybody waited."""
+    slow = {**HOMES, "25": 500.0, "24": 25.0, "130": 900.0, "131": 400.0}
+    bench = serial_bench(simulated_time, grbl.GrblController(kind, slow), Gcode("grbl", 0.1), homing=True)
+    robot = bench.robot()
+    robot.connect()
+    began = simulated_time.now
+    robot.find_zero()
+    assert 100 < simulated_time.now - began < robot.zero().seconds
+    bench.controller.settings["25"] = 1.0  # a motor that stalls
+    with pytest.raises(RobotDisconnected):
+        robot.find_zero()
+    simulated_time.sleep(0.1)
+    assert bench.controller.state == "Alarm" and "reset" in bench.commands()
+
+
+def test_a_mark_for_a_known_zero_moves_nothing(simulated_time: SimulatedTime) -> None:
+    """M29: a pen on the spindle output is lifted by lines of one's own; S would move it, as gcode.c says."""
+    own = OwnGcode(lift=("M3 S900",), lower=("M3 S300",), down_below=0.001)
+    language = Gcode("grbl", 0.1, own=own)
+    bench = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, grbl.QUICK), language)
+    robot = bench.ready()
+    assert bench.controller.output == []
+    robot.follow(Waypoints("stroke 1", np.array([[0.1, 0.05, 0.01], [0.1, 0.05, 0.0], [0.12, 0.05, 0.0]]), 0.05))
+    assert [value for value, _ in bench.controller.output] == [900, 300]
+    robot.close()
+    robot.connect()
+    assert robot.zero().known and [value for value, _ in bench.controller.output] == [900, 300]
+
+
+@pytest.mark.parametrize(("kind", "directions", "inside", "outside"), [
+    (grbl.GRBL, 0, -10.0, 10.0), (grbl.GRBL, 7, -10.0, 10.0), (grbl.ORIGIN, 7, 10.0, -10.0),
+    (grbl.ORIGIN, 0, -10.0, 10.0), (grbl.FLUIDNC, 7, 10.0, -10.0), (grbl.FLUIDNC, 0, -10.0, 10.0),
+    (replace(grbl.FLUIDNC, places=(300.0, 300.0, 40.0)), 0, 30.0, 310.0),
+])  # fmt: skip
+def test_the_box_is_where_the_machine_homes(
+    simulated_time: SimulatedTime, kind: grbl.Kind, directions: int, inside: float, outside: float
+) -> None:
+    """M30: HOMING_FORCE_SET_ORIGIN (system.c), positive_direction and mpos_mm (FluidNC's Limit.cpp)."""
+    limited = {**HOMES, "20": 1, "23": directions}
+    bench = serial_bench(simulated_time, grbl.GrblController(kind, limited), Gcode("grbl", 0.1), homing=True)
+    robot = bench.robot()
+    robot.connect()
+    robot.find_zero()
+    robot.follow(Waypoints("there", np.full((1, 3), inside / 1000), 0.1))
+    with pytest.raises(MotionFailed, match="beyond the limits"):
+        robot.follow(Waypoints("out", np.full((1, 3), outside / 1000), 0.1))
+    assert robot._firmware._ask().state == "Idle", "it was not sent: an alarm would follow"
+
+
+def test_two_numbers_are_a_place(simulated_time: SimulatedTime) -> None:
+    """M37: FluidNC with two axes; its brush is raised by a servo."""
+    flat = grbl.GrblController(grbl.FLUIDNC_FLAT, {**grbl.QUICK, "32": 1})
+    bench = serial_bench(simulated_time, flat, Gcode("grbl", 0.1, SERVO_GRBL))
+    robot = bench.ready()
+    robot.jog(np.array([0.01, 0.0, 0.0]))
+    robot.follow(Waypoints("stroke 1", np.array([[0.1, 0.05, 0.01], [0.12, 0.05, 0.0]]), 0.05))
+    assert robot.pose()[:2] == pytest.approx((0.12, 0.05)) and robot.timing() is not None
+    robot.close()
+    flat = grbl.GrblController(grbl.FLUIDNC_FLAT, grbl.QUICK)
+    with pytest.raises(RobotError, match="has no axis Z.*give servo="):
+        serial_bench(simulated_time, flat, Gcode("grbl", 0.1)).robot().connect()
+
+
+def test_grbl_0_9_is_named_with_what_to_do(simulated_time: SimulatedTime) -> None:
+    """M38."""
+    with pytest.raises(RobotError, match=r"has GRBL 0\.9 or older.*flash GRBL 1\.1"):
+        grbl_bench(simulated_time, grbl.GRBL_0_9, grbl.QUICK).robot().connect()
+
+
+def test_a_slow_list_of_settings_is_waited_for(simulated_time: SimulatedTime) -> None:
+    """M39: and no ok of it acknowledges another line."""
+    bench = grbl_bench(simulated_time, grbl.SLOW, {**grbl.QUICK, "22": 1, "20": 1})
+    examined = bench.robot().examine()
+    assert examined.timing is not None and examined.travel is not None
 
 
 def test_a_stop_while_homing_ends_it(simulated_time: SimulatedTime) -> None:
     bench = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, HOMES), Gcode("grbl", 0.1), homing=True)
     robot = bench.robot()
+    robot.connect()
     simulated_time.when(lambda: bench.controller.state == "Home", lambda: simulated_time.after(1, robot.stop))
     with pytest.raises(RobotStopped):
-        robot.connect()
+        robot.find_zero()
     simulated_time.sleep(0.1)
     assert bench.controller.state == "Alarm" and "reset" in bench.commands()
 
@@ -156,7 +261,8 @@ def test_the_brush_is_lifted_before_a_machine_homes(simulated_time: SimulatedTim
         bench = serial_bench(simulated_time, machine, language, homing=True)
         robot = bench.robot()
         robot.connect()
-        robot.find_zero()
+        for _ in range(2):  # the first ends an alarm, in which GRBL takes no other line
+            robot.find_zero()
         said = bench.commands()
         at = len(said) - 1 - said[::-1].index(code)
         if language.servo is not None:
@@ -237,6 +343,7 @@ def test_a_way_beyond_the_machines_own_limits_is_refused_before_it_moves(simulat
     bench = serial_bench(simulated_time, grbl.GrblController(grbl.GRBL, limited), Gcode("grbl", 0.1), homing=True)
     robot = bench.robot()
     robot.connect()
+    robot.find_zero()
     sent = len(bench.commands())
     with pytest.raises(MotionFailed, match=r"z = -120\.0 mm at waypoint 1 is beyond the limits .* It did not move"):
         robot.follow(Waypoints("dip", np.array([[-0.1, -0.1, -0.05], [-0.1, -0.1, -0.12]]), 0.05))
@@ -318,7 +425,7 @@ def test_a_stop_while_marlin_homes_is_an_emergency_stop_and_doctor_said_so(simul
     assert "hears nothing but the emergency stop (M112)" in texts(bench, "warning")
     robot = bench.robot()
     robot.connect()
-    assert robot.zero().known
+    assert not robot.zero().known and "G28" not in bench.commands(), "a person is asked first (M26)"
     simulated_time.when(lambda: bench.controller._busy_with == "G28", lambda: simulated_time.after(2, robot.stop))
     with pytest.raises(RobotStopped):
         robot.find_zero()
