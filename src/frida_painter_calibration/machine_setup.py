@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Self
 
+import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 from torch import Tensor
 
@@ -27,6 +28,8 @@ from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import CalibrationError, ConfigError, Interrupted, RobotDisconnected
 from frida_painter.hardware.preset import Layout, Preset, find_preset, presets
 from frida_painter.hardware.robot import Robot, TouchProbe, Workspace
+from frida_painter.hardware.timing import TravelLimits
+from frida_painter.hardware.workcell import Bounds
 from frida_painter.report.sheets import workspace_plan
 from frida_painter.session.events import Began, Remark, ResultFound
 from frida_painter.system import images, storage
@@ -87,6 +90,9 @@ def lead_setup(
         opened(bench.easel.robot)
         probe = known.preset.probe
         lead(settle_zero(bench, probe.corner if probe else None, marked="canvas" in known.state.done), answer)
+        free = Confirm("From now on the tip moves, first up, then across. Is its way free?", moves=True)
+        if answer(free) is not True:
+            raise Interrupted("The setup was left, and the tip was not moved; the same command continues.")
         if known.preset.lift.by == "servo" and not known.state.done:
             lead(try_lift(bench), answer)
         for step in STEPS:
@@ -197,6 +203,8 @@ def tell_machine(known: "MachineSetup", answer: Answering, tell: Callable[[Setup
     if found is None:
         return
     tell(ResultFound("facts", detail={"facts": [asdict(fact) for fact in found.facts]}))
+    if found.travel is not None and found.homes and not known.state.done:
+        known.learn_travel(found.travel)
     refusals = [fact.text for fact in found.facts if fact.weight == "refusal"]
     asked = [fact for fact in found.facts if fact.question and not known.state.done]
     refusals += [fact.text for fact in asked if answer(Confirm(fact.question)) is not True]
@@ -287,6 +295,23 @@ class MachineSetup:
         """Name of the machine for --robot."""
         return self.preset.robot_name(self.state.where)
 
+    def learn_travel(self, travel: TravelLimits) -> None:
+        """Takes the machine's own limits for the box of the preset, whose floor stays. Raises ConfigError."""
+        area = self.preset.area
+        assert area is not None
+        ends = np.array([travel.lower, travel.upper, area.lower, area.upper])
+        lower, upper = np.where(np.isfinite(ends[:2]), ends[:2], ends[2:]).tolist()
+        lower[2] = max(lower[2], area.lower[2])
+        own = self.preset.model_copy(update={"area": Bounds(lower=tuple(lower), upper=tuple(upper))})
+        try:
+            layout = Layout.propose(own, self.state.layout.easel, self.state.size)
+        except ConfigError as error:
+            raise ConfigError(
+                f"The machine's own limits ({', '.join(map(travel.describe, range(3)))} in x, y, z) do not fit this "
+                f"preset: {error} Set its work zero as the preset says, then begin again."
+            ) from error
+        self.state = replace(self.state, layout=layout)
+
     def save(self) -> None:
         """Writes the state. Raises StorageError."""
         storage.write_json(self.folder / _STATE, {"format": _FORMAT, "version": _VERSION, **asdict(self.state)})
@@ -342,7 +367,7 @@ class MachineSetup:
                 break
             except (CalibrationError, ConfigError) as refused:
                 tell(Remark(str(refused)))
-                if not answer(Confirm("Do this step again?")):
+                if not answer(Confirm("Do this step again?", moves=True)):
                     raise Interrupted(f"The setup was left; it continues at the step {step} next time.") from refused
             except Interrupted as left:
                 raise Interrupted(f"{left} The setup continues at the step {step} next time.") from left

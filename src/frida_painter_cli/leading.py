@@ -32,7 +32,7 @@ from frida_painter.system.operating_system import is_typed
 from frida_painter.system.storage import count_of
 from frida_painter_cli.options import Wells, ask_at_terminal
 from frida_painter_cli.stop_signal import StopSignal
-from frida_painter_cli.terminal import PaintingLine, terminal_at
+from frida_painter_cli.terminal import PaintingLine, forget_typed, terminal_at
 
 PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
 _GLANCE = 0.2  # seconds between two looks at pause file, inbox and terminal
@@ -163,7 +163,8 @@ class Leader:
         at_page = self._conductor is not None and self._proposer is None
         self._asks = not self._held and (at_page or paused.cause != "person") and sys.stdin.isatty()
         how = f"To go on, remove {self._pause_file}" if self._held else paused.reason
-        asked = " To go on, press Enter; to stop, Ctrl-C." if self._asks else ""
+        asked = " To go on, type go; to stop, Ctrl-C." if self._asks else ""
+        forget_typed()
         self._console.print(f"Paused after {paused.done} strokes. {how}{asked}", markup=False)
         while not self._is_stopped():
             if self._conductor is not None:
@@ -189,8 +190,9 @@ class Leader:
         if self._asks:
             if not is_typed(sys.stdin.fileno(), 0):
                 return None
-            self._asks = bool(sys.stdin.readline())  # else the terminal was closed
-            return self._asks or None
+            line = sys.stdin.readline()
+            self._asks = bool(line)  # else the terminal was closed
+            return line.strip().lower() == "go" or None
         if self._proposer is not None and self._proposer.has_word():
             with self._bar.aside():
                 command = self._proposer.find_command()
@@ -309,16 +311,21 @@ def say(*lines: str) -> None:
         print(line)
 
 
-def confirm(question: str, *, default: bool) -> bool:
-    """Asks at the terminal until the answer is yes, no or empty. Raises Interrupted if nobody answers."""
-    choice = "[Y/n]" if default else "[y/N]"
+def confirm(question: str, *, default: bool | None) -> bool:
+    """Asks at the terminal until the answer is yes, no or empty. Raises Interrupted if nobody answers.
+
+    default: of Enter; None if it is no answer, because a machine moves then
+    """
+    choice = "[y/n]" if default is None else "[Y/n]" if default else "[y/N]"
+    if default is None:
+        forget_typed()
     while True:
         try:
             answer = input(f"{question} {choice} ").strip().lower()
         except (EOFError, KeyboardInterrupt) as end:
             raise Interrupted("Nobody answered, and nothing was painted; for scripts there is --yes.") from end
-        if answer in ("", "y", "yes", "n", "no"):
-            return answer[:1] == "y" if answer else default
+        if answer in ("y", "yes", "n", "no") or not (answer or default is None):
+            return answer[:1] == "y" if answer else bool(default)
         print("Type y or n.")
 
 

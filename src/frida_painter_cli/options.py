@@ -120,7 +120,7 @@ AskOption = Annotated[
 ]
 
 FilledOption = Annotated[
-    bool, typer.Option("--yes", "-y", help="Do not ask whether the wells of a real robot are filled. For scripts.")
+    bool, typer.Option("--yes", "-y", help="Do not ask whether wells are filled, and let a machine home. For scripts.")
 ]
 
 
@@ -145,24 +145,26 @@ class Wells:
 
         if self.ask is None:
             return self.given
-        prompt = "Press Enter if they are just these paints, or type the file that tells what you mixed: "
+        prompt = "Type go if they are just these paints, or the file that tells what you mixed: "
         if not self.poured:
             sheet = self._sheet(wanted)
             prompt = (
-                f"Fill {len(wanted)} wells as on {self.folder / sheet} (mixing.png tells how to mix them). Press Enter "
-                "when they are filled, or type the file that tells what you mixed: "
+                f"Fill {len(wanted)} wells as on {self.folder / sheet} (mixing.png tells how to mix them). Type go "
+                "when they are filled, or the file that tells what you mixed: "
             )
         while True:
             try:
                 line = self.ask(prompt).strip()
             except (EOFError, KeyboardInterrupt) as end:
                 raise Interrupted("Nobody said that the wells are filled, and nothing was painted.") from end
-            if not line:
+            if line.lower() == "go":
                 return self.given
+            if not line:  # Enter starts no motion
+                continue
             try:
                 return read_palette(Path(line), len(wanted))
             except FridaError as error:
-                prompt = f"{error} Enter, or another file: "
+                prompt = f"{error} Type go, or another file: "
 
     def _sheet(self, wanted: "Palette") -> str:
         """Returns the name of the sheet with these paints; that of the first layer if the plan does not tell."""

@@ -110,6 +110,7 @@ def paint(
         if candidates != 1:  # the best of this number of seeds; it prints which one it is
             spec, chosen = registry.parts(registry.PLAN_CHOOSERS)["candidates"].load(FunctionType)(spec, candidates)
         process = stack.enter_context(EaselProcess(spec.robot))  # loads in parallel with this process
+        from frida_painter.easel.connecting import allow_motions
         from frida_painter.runs.run import PaintingRun
         from frida_painter.runs.settle import ground_of
         from frida_painter.strokes.plan import Plan
@@ -128,7 +129,7 @@ def paint(
             ready_planner(run, stop, given["out"], led=led)
             if chosen is not None:
                 run.require_fitting(chosen)
-            _open_easel(run, stop, led, answer_early(run) if asked and led is None else None)
+            _open_easel(run, stop, led, None if led else answer_early(run) if asked else allow_motions)
             with Leader(
                 run, stop, asked=asked, asks_for_paints=ask, started=started, propose=propose, led=led
             ) as leader:
@@ -213,7 +214,7 @@ Repaint = Annotated[
         "--repaint/--skip", help="Repaint or skip the stroke that may already be painted. [dim]asks; skip with --yes[/]"
     ),
 ]
-Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask no questions. Skips a stroke in doubt.")]
+Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask no questions. Skips a stroke in doubt; a machine may home.")]
 AcceptChanges = Annotated[
     bool, typer.Option("--accept-changes", help="Continue although settings, pictures or the plan were changed.")
 ]
@@ -235,6 +236,7 @@ def resume(
     """
     started = time.monotonic()
     with _lead_at(page, "resume") as led, ExitStack() as stack:
+        from frida_painter.easel.connecting import allow_motions
         from frida_painter.runs.painting_folder import NOW, are_there, history_of
         from frida_painter.runs.run import PaintingRun
         from frida_painter.session.events import SessionResumed
@@ -257,12 +259,12 @@ def resume(
         require_person(run.spec, asked=not yes)
         require_proposer(propose, together=run.spec.together)
         _show(run)
-        if not (yes or led or confirm(f"{_next_motion(run.spec)} Go on?", default=True)):
+        if not (yes or led or confirm(f"{_next_motion(run.spec)} Go on?", default=None)):
             raise Interrupted("Nothing was moved; the painting stays as it is.")
         stop = stack.enter_context(stop_on_signals())
         run.load_easel()  # loads in parallel with the planner
         ready_planner(run, stop, led=led)
-        _open_easel(run, stop, led, None if yes or led else answer_early(run))
+        _open_easel(run, stop, led, None if led else allow_motions if yes else answer_early(run))
         leader = stack.enter_context(
             Leader(run, stop, asked=not yes, repaint=repaint, started=started, propose=propose, led=led)
         )

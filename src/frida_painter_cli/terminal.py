@@ -187,6 +187,8 @@ class Terminal:
         if isinstance(question, Guide) and self.keys is not None:
             return self.keys.answer(question, self.tell)
         prompt, understand, allowed = _in_words(question)
+        if isinstance(question, Confirm) and question.moves:
+            forget_typed()
         while True:
             try:
                 line = self.ask(prompt).strip()
@@ -220,12 +222,29 @@ def terminal_at(pictures: Path, console: Console | None = None, keys: "GuidingKe
     )
 
 
+def forget_typed() -> None:
+    """Forgets what was typed at the terminal before a question: it was no answer to it."""
+    if not sys.stdin.isatty():
+        return
+    try:
+        import termios
+    except ImportError:  # Windows
+        import msvcrt
+
+        while msvcrt.kbhit():  # type: ignore[attr-defined]
+            msvcrt.getwch()  # type: ignore[attr-defined]
+        return
+    termios.tcflush(sys.stdin, termios.TCIFLUSH)
+
+
 def _in_words(question: SetupQuestion) -> tuple[str, Callable[[str], Answer | None], str]:
     """Returns the prompt of a question, what a typed line means (None if it is not valid), and what may be typed."""
     match question:
         case Confirm(proposal=agrees):
-            words = {"": agrees, "y": True, "yes": True, "n": False, "no": False}
-            return "[Y/n] " if agrees else "[y/N] ", words.get, "Type y or n."
+            words = {"y": True, "yes": True, "n": False, "no": False}
+            if question.moves:
+                return "[y/n] ", words.get, "Type y, and it moves; or n."
+            return "[Y/n] " if agrees else "[y/N] ", {"": agrees, **words}.get, "Type y or n."
         case PointCorners(proposal=points):
             shown = "  ".join(f"{column:.1f},{row:.1f}" for column, row in points or ())
             allowed = (
@@ -250,11 +269,11 @@ def _in_words(question: SetupQuestion) -> tuple[str, Callable[[str], Answer | No
 
             prompt = "mm: " if known is None else f"mm [{known * 1000:g}]: "
             return prompt, measure, f"Type millimetres, from {lowest * 1000:g} to {highest * 1000:g}."
-        case Guide(position=position, proposal=move):
+        case Guide(position=position):
             allowed = (
                 f"Type a move in mm, like x+5 or y-2.5 z+1, at most {_FARTHEST_JOG * 1000:g} mm; or ok if it is there."
             )
-            return f"{_millimetres(position)} mm> ", lambda line: _guide_by_words(line) if line else move, allowed
+            return f"{_millimetres(position)} mm> ", _guide_by_words, allowed
         case Choose(things=things, proposal=usual):
             count = len(things)
 
@@ -277,8 +296,6 @@ def parse_corners(line: str) -> Corners | None:
 
 
 def _move(question: Jog, line: str) -> JogMove | None:
-    if not line:
-        return question.proposal
     if line == "ok":
         return JogMove(settled=True)
     step = _STEPS[line] if line in _STEPS else _length(line)
@@ -322,7 +339,6 @@ class GuidingKeys:
             key.RIGHT: (0, 1), key.LEFT: (0, -1), key.UP: (1, 1), key.DOWN: (1, -1), key.PAGE_UP: (2, 1),
             key.PAGE_DOWN: (2, -1), "w": (2, 1), "s": (2, -1),
         }  # fmt: skip
-        self._ends = {key.ENTER, key.CR, key.LF}
         self._leaves = {key.CTRL_C, key.CTRL_D, key.ESC, "q"}
         self._step, self._last = _FIRST_STEP, dict[int, int]()
 
@@ -340,8 +356,9 @@ class GuidingKeys:
         if not question.again:
             self._step, self._last = _FIRST_STEP, {}
             tell(
-                "  Arrows: left, right, away, near. Page up and down (or w, s): up, down. + and -: step. Enter: there."
+                "  Arrows: left, right, away, near. Page up and down (or w, s): up, down. + and -: step. o: there (ok)."
             )
+            forget_typed()
         tell(f"  {_millimetres(question.position)} mm, step {JOG_STEPS[self._step] * 1000:g} mm")
         while True:
             try:
@@ -350,7 +367,7 @@ class GuidingKeys:
                 raise Interrupted(_LEFT) from end
             if pressed in self._leaves:
                 raise Interrupted(_LEFT)
-            if pressed in self._ends:
+            if pressed == "o":  # no Enter, after which the tip would go on
                 return GuideMove(settled=True)
             if pressed in self._axes:
                 return self._move(*self._axes[pressed])

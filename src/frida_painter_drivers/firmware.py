@@ -39,7 +39,7 @@ class AnyFirmware(ABC):
 
     def __init__(self, line: SerialLine, interlock: Interlock, language: Gcode, *, homing: bool) -> None:
         self.line, self._interlock, self._language, self._homing_wanted = line, interlock, language, homing
-        self._was_reset = self._zero_known = self._homes = self._locked = False
+        self._was_reset = self._zero_known = self._homes = self.locked = False  # locked: until it homes
         self._axes = 3
         self._heard_at = time.monotonic()
         self.alive = steady()
@@ -76,7 +76,7 @@ class AnyFirmware(ABC):
         """Reason why the position may be wrong; "" if it survived."""
         if self._zero_known:
             return ""
-        if self._locked:
+        if self.locked:
             return "it is in an alarm, as after each start, and only homing ends that"
         return "its board was reset, and counts from 0 wherever it stands" if self._was_reset else self.untold
 
@@ -104,7 +104,7 @@ class AnyFirmware(ABC):
 
     def require_unlocked(self, label: str) -> None:
         """Raises RobotError, before anything is sent, if the machine does nothing but home."""
-        if self._locked:
+        if self.locked:
             said = f"{self._interlock.name} is locked by an alarm, in which it only homes"
             raise RobotError(f"{label}: {said}. Let it home, or release it with its own controls, then connect anew.")
 

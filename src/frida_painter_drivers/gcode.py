@@ -78,7 +78,8 @@ class GcodeRobot(Driver):
     def zero(self) -> Zero:
         """Returns what the machine knows of its zero."""
         firmware = self._ready("zero")
-        return Zero(firmware.zero_lost, self.homing and firmware.can_home, firmware.homing_seconds)
+        homes = self.homing and firmware.can_home
+        return Zero(firmware.zero_lost, homes, firmware.homing_seconds, firmware.locked)
 
     def find_zero(self) -> None:
         """Drives to the limit switches. Raises MotionFailed, RobotDisconnected or RobotStopped."""

@@ -179,8 +179,8 @@ class Grbl(AnyFirmware):
     def prepare(self) -> None:
         """Makes the machine ready to move, and moves nothing. A machine that only homes stays as it is."""
         state = self._ask().state
-        self._locked = state.startswith("Alarm") and self._homing_wanted and self.can_home
-        if self._locked:  # it takes nothing but $H, and a person is asked first
+        self.locked = state.startswith("Alarm") and self._homing_wanted and self.can_home
+        if self.locked:  # it takes nothing but $H, and a person is asked first
             self._zero_known = False
             return
         if not state.startswith("Idle"):
@@ -362,7 +362,7 @@ class Grbl(AnyFirmware):
         if self._ask().state.startswith("Idle") and not self._language.tells_height:
             self.lift("homing")
         self._drive_home("$H", self.homing_seconds)
-        self._locked = False
+        self.locked = False
         self._set_modes()
         self._mark_zero()
 

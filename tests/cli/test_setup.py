@@ -15,7 +15,7 @@ from machines.simulated_time import Living
 from support.commandline import Command
 
 Run = Callable[..., tuple[int, str]]
-READY = ["y", "y"]  # the preset's two sentences
+READY = ["y", "y", "", "y", "", "y"]  # the preset's two sentences; it homes, and moves, but not by Enter
 CANVAS = ["x-20 y+10", "ok", "ok"]  # two corners
 HEIGHTS = ["n", "-13", "-1.5", "ok", "d", "d", "ok", "n"]  # and the canvas is flat
 HIGHER = ["n", "-14", "ok", "d", "ok", "n"]
@@ -71,9 +71,9 @@ def test_a_setup_that_was_left_goes_on_where_it_was(run: Run, router: Living, tm
     kept = json.loads((tmp_path / "easel" / "setup.json").read_text())
     assert kept["done"] == ["canvas", "touch", "surface"]
     assert not (tmp_path / "easel" / "workspace.toml").exists()
-    status, told = run("--folder", "easel", typing=[*PAINT, *TRACE, *STROKES])
+    status, told = run("--folder", "easel", typing=["y", *PAINT, *TRACE, *STROKES])
     assert status == 0 and "Done: canvas, touch, surface" in told, told
-    status, told = run("--folder", "easel", "--step", "touch", typing=[*HIGHER, *TRACE, *STROKES])
+    status, told = run("--folder", "easel", "--step", "touch", typing=["y", *HIGHER, *TRACE, *STROKES])
     assert status == 0, told
     record = Calibration.load(tmp_path / "easel" / "calibration.json")
     assert record.touch_height - record.press_height == pytest.approx(0.001)
@@ -110,3 +110,26 @@ def test_a_machine_that_feels_finds_the_touch_and_the_height_map_by_itself(
     assert record.touch_height == pytest.approx(0.00125) and record.press_height == pytest.approx(-0.00175)
     assert record.surface is not None and abs(record.surface.highest) < 1e-6 > abs(record.surface.lowest)
     assert sum(line.startswith("G38.3") for line in router.controller.received) == 10
+
+
+@pytest.mark.parametrize("limited", [0, 1])
+def test_a_homed_machine_that_stands_outside_the_presets_box_is_no_dead_end(
+    run: Run, router: Living, tmp_path: Path, limited: int
+) -> None:
+    """M25: 1 mm off its switches, which are where this machine has them and not where the preset guessed."""
+    machine = router.controller
+    machine.settings["20"] = limited
+    machine.switches[:], machine.stored[:] = (296, 174, 39), (-297, -175, -40)
+    back = [] if limited else ["", "y"]  # its own limits tell its box; else the tip goes back, not by Enter
+    _, told = run(*on(router), typing=[*READY[:4], *back, "", "y", "ok"])
+    assert ("stands outside the workspace. Shall it go back slowly (x -6.2 mm, y -4.2 mm)" in told) != bool(limited)
+    assert "bottom-right corner" in told and "continues at the step canvas" in told, told
+    assert machine.state == "Idle" and machine.alarms == []
+
+
+def test_a_machine_without_switches_is_asked_and_goes_on_without(run: Run, router: Living, tmp_path: Path) -> None:
+    """M28."""
+    router.controller.settings["22"], router.controller.state = 0, "Idle"
+    _, told = run(*on(router), typing=["y", "y", "y", "y", "y", "ok"])
+    assert "go on without limit switches?" in told and "front left corner of its travel" in told
+    assert "bottom-right corner" in told and "$H" not in router.controller.received, told

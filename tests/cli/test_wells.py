@@ -69,7 +69,7 @@ def test_nobody_is_asked_where_nobody_is_to_be(tmp_path: Path) -> None:
 
 
 def test_a_person_is_shown_the_sheets_and_waited_for(tmp_path: Path) -> None:
-    ask, prompts = typing("")
+    ask, prompts = typing("go")
     assert Wells(None, ask, tmp_path).fill(WANTED) is None
     assert "Fill 2 wells" in prompts[0] and str(tmp_path / "palette.png") in prompts[0]
 
@@ -81,13 +81,13 @@ def test_a_later_layer_is_asked_for_by_its_own_sheet(tmp_path: Path) -> None:
     for name in ("palette.png", "palette-layer-2.png", "palette-layer-3.png"):  # all of them are made at once
         (tmp_path / name).touch()
     for layer, sheet in zip(plan.layers, ("palette.png", "palette-layer-2.png", "palette-layer-3.png"), strict=True):
-        ask, prompts = typing("")
+        ask, prompts = typing("", "go")
         assert Wells(None, ask, tmp_path).fill(plan.wells(layer)) is None
         assert str(tmp_path / sheet) in prompts[0] and "mixing.png" in prompts[0]
 
 
 def test_who_has_said_that_the_wells_are_filled_is_only_asked_for_what_was_mixed(tmp_path: Path) -> None:
-    ask, prompts = typing("")
+    ask, prompts = typing("go")
     assert Wells(WANTED, ask, tmp_path, poured=True).fill(WANTED) is WANTED
     assert "Fill" not in prompts[0] and "what you mixed" in prompts[0]
 

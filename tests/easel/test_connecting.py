@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from frida_painter.easel.connecting import connect_easel, warn_of_places
+from frida_painter.easel.connecting import allow_motions, connect_easel, warn_of_places
 from frida_painter.easel.connection import Host, Link, make_remote
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Question
 from frida_painter.easel.guard import GuardedRobot
@@ -175,6 +175,30 @@ def test_limit_switches_or_a_look_are_enough() -> None:
     person = Person(robot, True)
     connect_easel(easel_with(robot), person.answer, tell_nobody)
     assert "above lightest touch. Is it exactly there?" in person.asked[0] and robot.steps == []
+
+
+def test_a_tip_outside_the_workspace_goes_back_if_a_person_allows_it_and_nothing_else_moves() -> None:
+    """M25: a homed machine stands where its switches are. Up, across, then down."""
+    outside = np.array([0.52, 0.1, 0.02])
+    for answer in (None, lambda question: False):
+        robot = ForgetfulRobot(stands=outside, off=np.zeros(3), lost="")
+        with pytest.raises(WorkspaceViolation, match="outside the workspace"):
+            connect_easel(easel_with(robot), answer, tell_nobody)
+        assert robot.steps == [] and robot.motions == []
+    easel = easel_with(robot)
+    easel.robot.connect()
+    for act in (easel.robot.home, lambda: easel.robot.follow(Waypoints("s", np.array([[0.1, 0.1, 0.2]]), 0.1))):
+        with pytest.raises(WorkspaceViolation, match="jog it back"):
+            act()
+    with pytest.raises(WorkspaceViolation):
+        easel.robot.jog(np.array([0.01, 0, 0]))  # farther away
+    assert robot.steps == [] and robot.motions == []
+    places = [outside]
+    robot.jog = lambda step: (places.append(places[-1] + step), setattr(robot, "stands", places[-1]))  # type: ignore
+    connect_easel(easel, allow_motions, tell_nobody)
+    way = np.diff(places, axis=0)
+    assert way[0, 2] > 0 and not way[0, :2].any() and places[-1] == pytest.approx((0.4998, 0.1, 0.0502))
+    easel.robot.home()
 
 
 def test_a_jog_is_short_and_stays_in_the_workspace_once_the_zero_is_known() -> None:

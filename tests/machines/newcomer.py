@@ -117,7 +117,7 @@ class Newcomer:
         off = self._target - np.array(self._question.position)
         axis = int(np.abs(off).argmax())
         if abs(off[axis]) < self.near:
-            return str(key.ENTER)
+            return "o"
         ahead = int(off[axis] > 0)
         return str(((key.LEFT, key.RIGHT), (key.DOWN, key.UP), (key.PAGE_DOWN, key.PAGE_UP))[axis][ahead])
 

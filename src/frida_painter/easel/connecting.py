@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Answer, Confirm, Jog, JogMove, Procedure, Question, lead
+from frida_painter.easel.guard import STANDS
 from frida_painter.easel.kinds import state_folder
 from frida_painter.easel.open import hold_machines, identities, make_robot
 from frida_painter.errors import (
@@ -41,6 +42,7 @@ from frida_painter.hardware.timing import AxisTiming, TravelLimits
 from frida_painter.hardware.workcell import WorkcellConfig
 
 _MAX_STEP = 0.02  # metres of a jog
+_INSIDE = 2e-4  # metres from the edge of a workspace that is entered
 _ROOM = 2.0  # metres that a person may jog along one axis, in all
 _PATIENCE = 20.0  # seconds: an examination takes ten, and a driver may hang
 _SLOWER = 0.95  # share of the wanted speed below which a person is told
@@ -70,6 +72,8 @@ def connect_easel(easel: Easel, answer: Callable[[Question], Answer] | None, tel
         if answer is None:
             raise _refusal(zero.lost, "nobody is there to find it again; start it in a terminal or in the studio")
         lead(find_zero(easel, robot), answer)
+    if isinstance(robot, ZeroedRobot):
+        lead(enter_workspace(easel, robot), answer or _allow_nothing)
     warnings: list[str] = []
     if isinstance(robot, TimedRobot) and (timing := robot.timing()) is not None:
         easel = replace(easel, timing=timing)
@@ -80,6 +84,17 @@ def connect_easel(easel: Easel, answer: Callable[[Question], Answer] | None, tel
         tell(sentence)
     easel.camera.connect()
     return easel
+
+
+def allow_motions(question: Question) -> bool:
+    """Answers for a person who allowed motions before (--yes) and is not there. Raises ZeroUnknown if asked more."""
+    if isinstance(question, Confirm) and question.moves:
+        return True
+    raise _refusal("nobody is there to find it", "start it without --yes in a terminal, or in the studio")
+
+
+def _allow_nothing(question: Question) -> bool:
+    raise WorkspaceViolation("The tip stands outside the workspace, and nobody is there to let it go back.")
 
 
 def examine_robot(name: str, workspace: Workspace, *, compare: bool = True) -> Examination | None:
@@ -196,9 +211,12 @@ def find_zero(easel: Easel, robot: ZeroedRobot) -> Procedure[None]:
     """
     zero = robot.zero()
     lost = f"The machine does not know where its brush is: {zero.lost}."
-    if zero.homes and (yield Confirm(f"{lost} Shall it drive to its limit switches now? Keep its way free.")) is True:
+    switches = f"{lost} Shall it drive to its limit switches now? Keep its way free."
+    if zero.homes and (yield Confirm(switches, moves=True)) is True:
         robot.find_zero()
         return
+    if zero.locked:
+        raise _refusal(zero.lost, "begin again and let it home, or release it with its own controls before")
     origin, touch = easel.workspace.canvas_origin, easel.calibration.touch_height
     here = easel.robot.pose()
     x, y = 1000 * easel.workspace.to_canvas(here[None])[0]
@@ -228,10 +246,30 @@ def _is_at_other_corner(easel: Easel) -> Procedure[bool]:
     far[:, 2] = motion.travel_height
     way = Waypoints("to the other corner", far, easel.workspace.travel_speed)
     question = "The brush goes up now, and to above the top-right corner of the canvas. Is its way free?"
-    if (yield Confirm(question)) is not True:
+    if (yield Confirm(question, moves=True)) is not True:
         return True  # the first corner counts alone
     RobotGateway(easel).perform([way])
     return (yield Confirm("Is the tip above the top-right corner now?")) is True
+
+
+def enter_workspace(easel: Easel, robot: ZeroedRobot) -> Procedure[None]:
+    """Brings a tip that stands outside the workspace back, as after homing; asks nothing if it is inside.
+
+    Raises WorkspaceViolation if the person does not allow that, RobotError and its subclasses.
+    """
+    here, lower, upper = easel.robot.pose(), *map(np.array, (easel.workspace.lower, easel.workspace.upper))
+    outside = (here < lower - STANDS) | (here > upper + STANDS)
+    inside = np.where(outside, np.clip(here, lower + _INSIDE, upper - _INSIDE), here)
+    if np.array_equal(inside, here):
+        return
+    way = ", ".join(f"{axis} {1000 * far:+.1f} mm" for axis, far in zip("xyz", inside - here, strict=True) if far)
+    question = f"The tip stands outside the workspace. Shall it go back slowly ({way})? Keep its way free."
+    if (yield Confirm(question, moves=True)) is not True:
+        raise WorkspaceViolation("The tip stands outside the workspace, and nobody let it go back. It did not move.")
+    up = np.array([*here[:2], max(here[2], inside[2])])
+    for start, end in ((here, up), (up, np.array([*inside[:2], up[2]])), (np.array([*inside[:2], up[2]]), inside)):
+        for part in split_jog(end - start):
+            robot.jog(part)
 
 
 def split_jog(step: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -23,11 +23,13 @@ class Confirm:
     text: the question in plain words
     picture: [3, h, w] to look at, or None
     proposal: answer that the procedure suggests
+    moves: True if the machine moves after a yes, which nobody says by Enter alone
     """
 
     text: str
     picture: "Tensor | None" = None
     proposal: bool = True
+    moves: bool = False
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -50,10 +51,11 @@ T = TypeVar("T")
 
 # Seconds that a driver may take to end its motion after a stop and to send the stop, and a disk to store it.
 _WIND_DOWN, _SENDING, _WRITING = 1.0, 1.0, 10.0
-_TOLERANCE = 1e-6
-_HOMING, _JOGGING = 300.0, 60.0  # seconds
+_JOGGING = 60.0  # seconds
 _HELD = 3600.0  # the longest time for which a person may hold a machine whose controller tells so, seconds
 
+STANDS = 1e-4
+"""Distance from the workspace, metres, at which a resting tip still counts as inside: motors make whole steps."""
 MAX_JOG = 0.05
 """Longest step of a jog, metres."""
 
@@ -113,7 +115,7 @@ class GuardedRobot:
         """Connects to the robot and reads its position.
 
         Raises RobotStopped if it is stopped, RobotBusy if another process has it, WorkspaceViolation if the tip is
-        outside the workspace, RobotError and its subclasses.
+        outside the workspace and cannot be jogged, RobotError and its subclasses.
         """
         self._require_armed("connect")
         self._call("connect", self.robot.connect, self._connecting)
@@ -139,18 +141,28 @@ class GuardedRobot:
             raise
 
     def _enter_workspace(self) -> None:
-        """Reads the position. Raises WorkspaceViolation if it is outside the workspace; the robot is closed then."""
-        tip = self.pose()
-        lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
-        if not ((tip >= lower - _TOLERANCE) & (tip <= upper + _TOLERANCE)).all():
-            self.close()
-            raise WorkspaceViolation(
-                f"The robot's tip stands at {_millimetres(tip)} mm; the workspace reaches from {_millimetres(lower)} "
-                f"to {_millimetres(upper)} mm. Nothing was sent to it; guide it into the workspace by hand, then start "
-                "again."
-            )
-        self._tip, self._lifted = tip, False
+        """Reads the position. A robot outside the workspace that cannot be jogged back is closed.
+
+        Raises WorkspaceViolation then.
+        """
+        self._tip, self._lifted = self.pose(), False
+        if not isinstance(self.robot, ZeroedRobot):
+            try:
+                self._require_inside("guide it into the workspace by hand, then start again")
+            except WorkspaceViolation:
+                self.close()
+                raise
         self._door.learn_travel(self._ask("travel_limits"))
+
+    def _require_inside(self, remedy: str) -> None:
+        """Raises WorkspaceViolation if the tip is outside the workspace."""
+        lower, upper = np.array(self.workspace.lower), np.array(self.workspace.upper)
+        if (tip := self._tip) is None or ((tip >= lower - STANDS) & (tip <= upper + STANDS)).all():
+            return
+        raise WorkspaceViolation(
+            f"The robot's tip stands at {_millimetres(tip)} mm; the workspace reaches from {_millimetres(lower)} to "
+            f"{_millimetres(upper)} mm. Nothing was sent to it; {remedy}."
+        )
 
     def zero(self) -> Zero:
         """Returns what the machine knows of its zero; a robot that is no ZeroedRobot knows it. Raises RobotError."""
@@ -166,13 +178,14 @@ class GuardedRobot:
     def find_zero(self) -> None:
         """Drives to the limit switches. Raises RobotError and its subclasses, RobotStopped if it is stopped."""
         robot = self._zeroed("homing")
-        self._act("homing", robot.find_zero, _HOMING)
+        self._act("homing", robot.find_zero, self._zero.seconds + self._grace)
         self._take_zero()
 
     def jog(self, step: NDArray[np.float64]) -> None:
         """Moves the tip by `step` [3] metres.
 
-        Raises WorkspaceViolation if a step is longer than `MAX_JOG`, or, if the zero is known, leaves the workspace.
+        Raises WorkspaceViolation if a step is longer than `MAX_JOG`, or, if the zero is known, leaves the workspace or,
+        outside of it, goes farther away.
         Raises RobotError and its subclasses.
         """
         robot = self._zeroed("jog")
@@ -182,7 +195,10 @@ class GuardedRobot:
                 "Nothing was sent."
             )
         if self._zero.known and self._tip is not None:
-            self._box.check([Waypoints("jog", (self._tip + step)[None], self.workspace.travel_speed)])
+            ends = np.stack([self.workspace.lower, self.workspace.upper, self._tip])
+            lower, upper = ends.min(0).tolist(), ends.max(0).tolist()
+            box = MotionLimits(replace(self.workspace, lower=tuple(lower), upper=tuple(upper)))
+            box.check([Waypoints("jog", (self._tip + step)[None], self.workspace.travel_speed)])
         self._act("jog", lambda: robot.jog(step), _JOGGING)
         self._tip = self.pose() if self._zero.known else None
 
@@ -207,7 +223,7 @@ class GuardedRobot:
 
     def _take_zero(self) -> None:
         """Reads again if the zero is known, and where the tip is then."""
-        self._zero = self.zero()
+        self._zero, self._tip = self.zero(), None
         self._require_zero("zero")
         self._enter_workspace()
 
@@ -381,6 +397,7 @@ class GuardedRobot:
         )
 
     def _require_zero(self, label: str) -> None:
+        self._require_inside("jog it back: paint, resume, calibrate and setup offer that")
         if not self._zero.known:
             raise ZeroUnknown(
                 f"{label}: nothing moves, because the robot does not know where its brush is ({self._zero.lost}); find "

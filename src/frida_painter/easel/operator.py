@@ -35,7 +35,7 @@ class PersonAsOperator(AbsentOperator):
         """Returns when the person says that the wells are filled. Raises Interrupted if the person declines."""
         first, self._filled = ("Empty and wash the wells. " if self._filled else ""), True
         paints = ", ".join(f"{number} {to_hex(color)}" for number, color in enumerate(palette.color, start=1))
-        if self._answer(Confirm(first + self._asking_for(paints), _swatches(palette))) is not True:
+        if self._answer(Confirm(first + self._asking_for(paints), _swatches(palette), moves=True)) is not True:
             raise Interrupted("The paints were not there, and nothing was painted; the plan is kept.")
 
     def tone(self, ground: tuple[float, float, float]) -> None:
@@ -44,12 +44,12 @@ class PersonAsOperator(AbsentOperator):
             f"Tone the whole canvas evenly in {ground_recipe(ground)}. Let it dry, and put it back exactly where it "
             "was. Is it there?"
         )
-        if self._answer(Confirm(question, _even(ground))) is not True:
+        if self._answer(Confirm(question, _even(ground), moves=True)) is not True:
             raise Interrupted("The canvas was not toned, and nothing was painted; resume the painting when it is.")
 
     def change_brush(self, brush: str) -> None:
         """Returns when the person says that the brush is in the holder. Raises Interrupted if the person declines."""
-        if self._answer(Confirm(f"{self._changing_to(brush)} Is it done?")) is not True:
+        if self._answer(Confirm(f"{self._changing_to(brush)} Is it done?", moves=True)) is not True:
             raise Interrupted(
                 f"The {brush} brush was not there, and nothing was painted with another; resume when it is."
             )

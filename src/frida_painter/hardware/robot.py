@@ -203,11 +203,13 @@ class Zero:
         opened"); "" if the position survived since the zero was found
     homes: True if the machine can find its zero by itself, with limit switches, and may after a person said yes
     seconds: longest duration of that
+    locked: True if the machine does nothing else before that
     """
 
     lost: str = ""
     homes: bool = False
     seconds: float = 300.0
+    locked: bool = False
 
     @property
     def known(self) -> bool:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from frida_painter.calibration import Corners
-from frida_painter.easel.connecting import connect_easel
+from frida_painter.easel.connecting import allow_motions, connect_easel
 from frida_painter.easel.dialogue import lead
 from frida_painter.easel.kinds import NO_CAMERA
 from frida_painter.errors import ConfigError, Interrupted
@@ -43,11 +43,11 @@ def trace_plan(plan: Path | None, robot: str, workspace: Path | None, record: Pa
         motions = plan_outlines(here, loaded)
         RobotGateway(here).check(motions)
         question = "The arm will lift, go round the canvas in the air, and move aside. Is its way free?"
-        if ask and not confirm(question, default=True):
+        if ask and not confirm(question, default=None):
             raise Interrupted("Nothing was moved.")
         stop.at_once = here.robot.stop
         terminal = terminal_at(Path())
-        here = connect_easel(here, terminal.answer if ask else None, print)
+        here = connect_easel(here, terminal.answer if ask else allow_motions, print)
         try:
             whole = trace_outlines(here, motions, print, lambda: stop.asked)
         finally:

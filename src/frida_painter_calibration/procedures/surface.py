@@ -56,7 +56,7 @@ def surface(easel: Easel, *, points: int = POINTS, felt: bool = True) -> Procedu
     feeler = easel.robot if felt and isinstance(easel.robot, TouchProbe) else None
     sense = feeler.feels() if feeler is not None else None
     if sense is None or not (
-        yield Confirm(f"{HOW_IT_FEELS[sense]} Shall it touch the canvas? (n: you lower it at each point)")
+        yield Confirm(f"{HOW_IT_FEELS[sense]} Shall it touch the canvas? (n: you lower it at each point)", moves=True)
     ):
         feeler = sense = None
     across, up = (_spread(side, points) for side in (easel.canvas.width, easel.canvas.height))

@@ -13,7 +13,7 @@ import torch
 from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.calibration import SurfaceMap
 from frida_painter.canvas_size import CanvasSize
-from frida_painter.easel.connecting import find_zero, split_jog
+from frida_painter.easel.connecting import enter_workspace, find_zero, split_jog
 from frida_painter.easel.dialogue import Answer, Choose, Confirm, Guide, GuideMove, SetupQuestion, SetupStep
 from frida_painter.errors import CalibrationError, ConfigError, WorkspaceViolation
 from frida_painter.hardware.easel import Easel
@@ -90,23 +90,35 @@ class Bench:
 
 
 def settle_zero(bench: Bench, corner: Point | None, *, marked: bool) -> SetupStep[None]:
-    """Finds the zero of a machine that does not know where it is; asks nothing if it knows.
+    """Finds the zero of a machine that does not know where it is, and brings its tip into the box; asks nothing else.
 
-    corner: position of the tip in the machine's home corner; None if it has limit switches or knows its zero
+    corner: position of the tip in the machine's home corner; None for the front left end of its travel
     marked: True if the canvas was marked before; its corner then gives the zero
     Raises ZeroUnknown if the person does not find it, RobotError and its subclasses.
     """
     robot = bench.easel.robot
-    if not isinstance(robot, ZeroedRobot) or (zero := robot.zero()).known:
+    if not isinstance(robot, ZeroedRobot):
         return
-    if marked or zero.homes or corner is None:
-        yield from find_zero(bench.within_box(), robot)
-        return
+    if not (zero := robot.zero()).known:
+        if marked or zero.homes:
+            yield from find_zero(bench.within_box(), robot)
+        else:
+            yield from _find_corner(bench, robot, corner, zero.lost)
+    yield from enter_workspace(bench.within_box(), robot)
+
+
+def _find_corner(bench: Bench, robot: ZeroedRobot, corner: Point | None, lost: str) -> SetupStep[None]:
+    """Has the tip guided into the home corner."""
+    where = "its home corner"
+    if corner is None:  # it has no limit switches
+        corner = *bench.layout.workspace.lower[:2], bench.layout.touch
+        where = "the front left corner of its travel, just touching the table"
     stands = yield Confirm(
-        f"The machine does not know where its tip is: {zero.lost}. Does the tip stand in its home corner now? "
-        "(n: you guide it there)"
+        f"The machine does not know where its tip is: {lost}. Does the tip stand in {where} now? (n: you guide it "
+        "there)",
+        proposal=False,
     )
-    told = "Guide the tip into its home corner. The numbers count from where it stands now."
+    told = f"Guide the tip into {where}. The numbers count from where it stands now."
     gone, again = np.zeros(3), False
     while not stands:
         here = (float(gone[0]), float(gone[1]), float(gone[2]))
@@ -184,7 +196,7 @@ def find_touch(bench: Bench) -> SetupStep[None]:
     lowest, felt = layout.workspace.lower[2], False
     if bench.feels is not None:
         told = f"{HOW_IT_FEELS[bench.feels]} Shall it go down until it feels the canvas? (n: you lower it)"
-        felt = (yield Confirm(told)) is True
+        felt = (yield Confirm(told, moves=True)) is True
     if felt:
         assert isinstance(bench.easel.robot, TouchProbe)
         try:
@@ -274,7 +286,8 @@ def paint_test(bench: Bench) -> SetupStep[None]:
     """Paints three strokes on the canvas, from light to hard. Raises ConfigError if the person finds them wrong."""
     ready = yield Confirm(
         "Lay a sheet of paper on the canvas, and put paint on the brush (or a pen into the holder). "
-        f"{TEST_STROKES} strokes follow, from light to hard. Go on?"
+        f"{TEST_STROKES} strokes follow, from light to hard. Go on?",
+        moves=True,
     )
     right = False
     if ready:
