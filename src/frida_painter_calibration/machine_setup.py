@@ -165,7 +165,7 @@ def choose_place(preset: Preset) -> Generator[SetupQuestion, Answer, str]:
     if preset.connection == "network":
         return str((yield EnterAddress("Its address on the network (like 192.168.1.10)")))
     ports = list_ports(preset)
-    typed = EnterAddress("The name of its port (like /dev/ttyUSB0)", port=True)
+    typed = EnterAddress("The name of its port (like /dev/ttyUSB0, or socket://192.168.1.10:23)", port=True)
     if not ports:
         none = "No serial port was found. Plug the machine in, switch it on and look at its cable"
         return str((yield replace(typed, text=f"{none}; then leave and begin again, or type the name of its port.")))
@@ -190,8 +190,14 @@ def list_ports(preset: Preset) -> list[tuple[str, str, bool]]:
     for port in comports():
         ids = f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None and port.pid is not None else ""
         about = ", ".join(part for part in (port.description, port.manufacturer, ids) if part and part != "n/a")
-        found.append((port.device, about or "no description", ids in preset.usb))
+        found.append((_name_port(port.device), about or "no description", ids in preset.usb))
     return sorted(found, key=lambda port: (not port[2], port[0]))
+
+
+def _name_port(device: str) -> str:
+    """Returns the link that holds a device's serial number, which stays when it is plugged in anew; else its name."""
+    links = (link for link in Path("/dev/serial/by-id").glob("*") if str(link.resolve()) == device)
+    return str(next(links, device))
 
 
 def tell_machine(known: "MachineSetup", answer: Answering, tell: Callable[[SetupEvent], None]) -> None:

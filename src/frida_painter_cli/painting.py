@@ -214,7 +214,9 @@ Repaint = Annotated[
         "--repaint/--skip", help="Repaint or skip the stroke that may already be painted. [dim]asks; skip with --yes[/]"
     ),
 ]
-Yes = Annotated[bool, typer.Option("--yes", "-y", help="Ask no questions. Skips a stroke in doubt; a machine may home.")]
+Yes = Annotated[
+    bool, typer.Option("--yes", "-y", help="Ask no questions. Skips a stroke in doubt; a machine may home.")
+]
 AcceptChanges = Annotated[
     bool, typer.Option("--accept-changes", help="Continue although settings, pictures or the plan were changed.")
 ]

@@ -18,7 +18,7 @@ from frida_painter.errors import ConfigError, MotionFailed, RobotDisconnected, R
 from frida_painter.hardware.deadline import steady
 from frida_painter.hardware.gcode import Servo
 from frida_painter.hardware.interlock import PATIENCE
-from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, by_name, require_home
+from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, by_name, find_port, require_home
 from frida_painter.hardware.robot import MachineFact, MotionReport, Point, StopLine, Waypoints, Workspace, Zero
 from frida_painter.hardware.timing import AxisTiming
 from frida_painter_drivers.driver import Driver
@@ -219,7 +219,7 @@ class AxidrawRobot(Driver):
         self._height = settings.range.high[0]
         self._offset = (0, 0)  # steps to the right and towards you at which the counters were zero
         self._lost = "it was not connected yet"
-        self._pressed = False
+        self._pressed = self._breaks_off = False  # the latter: the last motion has not ended
 
     def _open(self, *, examines: bool) -> None:
         """Finds the board, raises the brush and reads whether the zero survived; if not, the motors are left off.
@@ -273,11 +273,11 @@ class AxidrawRobot(Driver):
     def close(self) -> None:
         """Disconnects from the board, which goes on to hold its motors and the lift."""
         line, board = self._line, self._board
-        if board is not None and self._interlock.stopped and not self._lost:
-            with contextlib.suppress(RobotError):  # after a stop the counters are true, too
+        if board is not None and self._breaks_off and not self._lost:
+            with contextlib.suppress(RobotError):  # after a stop or a fault the counters are true, too
                 board.drain()
                 board.note_steps()
-        self._line = self._board = None
+        self._line, self._board, self._breaks_off = None, None, False
         self._interlock.mark_disconnected()
         if line is not None:
             line.close()
@@ -373,11 +373,9 @@ class AxidrawRobot(Driver):
     def _port(self) -> str:
         with registry.importing("plotter", "An AxiDraw", RobotError):
             from serial.tools.list_ports import comports
-        wanted = self.settings.port
+        if self.settings.port is not None:  # or the name that its owner gave to a board, which is its serial number
+            return find_port(self.settings.port)
         boards = [port for port in comports() if (port.vid, port.pid) == _BOARD]
-        if wanted is not None:  # a port, or the name that its owner gave to a board
-            named = (port.device for port in boards if wanted.lower() == str(port.serial_number).lower())
-            return str(next(named, wanted))
         if not boards:
             raise RobotDisconnected("No AxiDraw was found; plug in its USB cable, or say which port it is at.")
         return str(boards[0].device)
@@ -403,6 +401,7 @@ class AxidrawRobot(Driver):
         board = self._ready(waypoints.label)
         started = time.monotonic()
         self._require_power(board, waypoints.label, board.state())
+        self._breaks_off = True
         todo = list(moves(self._place(board), waypoints, self.settings))
         before = ([self._height] + [move.height for move in todo[:-1]])[-1]
         pulses = [round(self.settings.range.value(move.height)) for move in todo]
@@ -413,6 +412,7 @@ class AxidrawRobot(Driver):
             board.do(f"SM,{2 * _TICK},0,0", waypoints.label, None, time.monotonic() + PATIENCE)
         self._require_power(board, waypoints.label, board.wait(waypoints.label, until))
         board.note_steps()
+        self._breaks_off = False
         self._alive = steady()
         return self._place(board)
 

@@ -199,7 +199,9 @@ class Board:
         """Returns the position that `remember_zero` wrote, or why it is not true any more."""
         known = self._recall()
         if known is None:
-            return "its board was reset or just switched on; its zero is the home corner, into which it can be pushed now"
+            return (
+                "its board was reset or just switched on; its zero is the home corner, into which it can be pushed now"
+            )
         index = f",{_STEPS_INDEX}" if self.version >= (3, 0, 0) else ""
         if self._numbers(f"QL{index}", 1)[0] != _digest(self.steps()):
             return "another program has moved it, or its last motion broke off; push it into the home corner, its zero"

@@ -247,7 +247,9 @@ class Grbl(AnyFirmware):
                 "$22=1.",
                 "warning" if self._homing_wanted else "fact",
                 "It does not home ($22=0). Shall the setup go on without limit switches? You then move its tip to its "
-                "front left corner, by keys." if self._homing_wanted else "",
+                "front left corner, by keys."
+                if self._homing_wanted
+                else "",
             )
         if self._axes < 3 and self._language.tells_height:
             yield MachineFact("It has no axis Z, so nothing raises the brush: give servo=, or own= with lines that do.",

@@ -1,12 +1,14 @@
 """Serial line of text lines: writes are complete, reads have a deadline, and opening it does not restart the board."""
 
 import contextlib
+import re
 import time
 from pathlib import Path
 from typing import Any, Self
 
 from frida_painter import registry
 from frida_painter.errors import RobotDisconnected, RobotError
+from frida_painter.hardware.kinds import find_port, remember_port
 from frida_painter.hardware.robot import StopLine
 
 _LONGEST = 512
@@ -24,7 +26,7 @@ class SerialLine:
 
     @classmethod
     def open(cls, name: str, baud: int) -> Self:
-        """Opens port `name` ("/dev/ttyUSB0", "COM3") at `baud` bits per second.
+        """Opens port `name` ("/dev/ttyUSB0", "COM3", "socket://10.0.0.7:23") at `baud` bits per second.
 
         Many boards restart when their line is opened, because the system raises DTR then. From now on DTR stays
         raised after the line is closed, so that the board does not restart at the next opening.
@@ -34,14 +36,18 @@ class SerialLine:
         """
         with registry.importing("plotter", "A serial line", RobotError):
             import serial
+        device = find_port(name)
+        _require_no_modem(device)
+        opening = serial.serial_for_url if "://" in device else serial.Serial
         try:
-            port = serial.Serial(name, baud, timeout=_SLICE, write_timeout=_WRITING, exclusive=True)
+            port = opening(device, baud, timeout=_SLICE, write_timeout=_WRITING, exclusive=True)
         except (OSError, ValueError) as cause:  # SerialException is an OSError
             raise RobotDisconnected(
                 f"The serial port {name!r} cannot be opened ({_reason(cause)}). {_advise(name, cause)}{_ports()}"
             ) from cause
         _keep_dtr(port)
-        return cls(port, name)
+        remember_port(name, device)
+        return cls(port, device)
 
     def write(self, content: bytes) -> None:
         """Sends `content` at once. Raises RobotDisconnected if the line is lost."""
@@ -143,6 +149,19 @@ def _is_taken_by_brltty() -> bool:
     """Returns True if brltty's rules for USB are installed, and a program has taken a USB device from the system."""
     rules, taken = Path("/usr/lib/udev/rules.d"), Path("/sys/bus/usb/drivers/usbfs")
     return any(rules.glob("*brltty*")) and any(taken.glob("*:*"))
+
+
+def _require_no_modem(device: str) -> None:
+    """Raises RobotError if a port says of itself that it is a modem, which would dial what it is told."""
+    from serial.tools.list_ports import comports
+
+    path = str(Path(device).resolve())
+    for port in comports():
+        about = " ".join(filter(None, (port.description, port.manufacturer, port.product)))
+        if str(Path(port.device).resolve()) == path and re.search(r"\b(modem|gsm|lte|wwan)\b", about, re.IGNORECASE):
+            raise RobotError(
+                f"The port {device} is a modem ({about[:60]}) and no machine; give its own port. {_ports()}"
+            )
 
 
 def _ports() -> str:

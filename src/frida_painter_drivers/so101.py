@@ -22,7 +22,15 @@ from frida_painter import registry
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, steady
 from frida_painter.hardware.gateway import FASTEST
-from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, require_home
+from frida_painter.hardware.kinds import (
+    MachineName,
+    Needed,
+    RobotKind,
+    at_port,
+    find_port,
+    remember_port,
+    require_home,
+)
 from frida_painter.hardware.robot import MachineFact, Point, Waypoints, Workspace
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter_drivers.driver import Driver
@@ -215,9 +223,10 @@ class So101Robot(Driver):
 
     def _open_port(self) -> Any:
         """Returns the open port, which no other program can open meanwhile. Raises RobotDisconnected."""
-        port = self._sdk.PortHandler(self._port_name)
+        port = self._sdk.PortHandler(find_port(self._port_name))
         try:
             port.setBaudRate(_BAUD)
+            remember_port(self._port_name, port.port_name)
             port.ser.exclusive = True  # two programs on one bus garble each other's packets
         except (OSError, ValueError) as cause:  # SerialException is an OSError
             if port.is_open:
@@ -286,7 +295,7 @@ class So101Robot(Driver):
         yield MachineFact(f"The brush's tip is at ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m of the arm's base, "
                           f"{1000 * self.brush_length:.0f} mm beyond {holder} (brush_length).")  # fmt: skip
         if len(self._servos) < _GRIPPER:
-            yield MachineFact("No gripper answers (servo 6). If the arm has one, look at its cable: the brush would drop.",
+            yield MachineFact("No gripper answers (servo 6). If the arm has one, look at its cable, or the brush drops.",
                               "warning")  # fmt: skip
         for number, joint in enumerate(self._servos, 1):
             load = self._read("examine", number, _LOAD)

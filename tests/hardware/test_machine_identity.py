@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 from frida_painter import registry
+from frida_painter.errors import ConfigError
 from frida_painter.hardware import kinds
-from frida_painter.hardware.kinds import MachineName, RobotKind, at_host, at_port
+from frida_painter.hardware.kinds import MachineName, RobotKind, at_host, at_port, find_port, remember_port
 
 
 def identity(text: str) -> frozenset[str]:
@@ -52,3 +53,41 @@ def test_a_port_is_what_links_lead_to_and_what_is_plugged_in(monkeypatch: pytest
     plugged[0].device = str(moved)
     assert before & at_port(str(moved)) == {"serial number A7"}, "it was plugged in anew"
     assert not at_port(str(tmp_path / "ttyUSB7")) & before
+
+
+def device(path: Path, number: str | None, about: str = "USB Serial") -> SimpleNamespace:
+    return SimpleNamespace(device=str(path), serial_number=number, description=about, manufacturer=None, product=None)
+
+
+def test_a_device_that_comes_back_under_another_name_is_found(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """M33: its serial number tells it, and another device under its old name is not taken for it."""
+    first, second = tmp_path / "ttyUSB0", tmp_path / "ttyUSB1"
+    plugged = [device(first, "A7")]
+    monkeypatch.setattr(kinds, "_ports", lambda: plugged)
+    monkeypatch.setattr(kinds, "_PORTS", tmp_path / "ports.json")
+    first.touch()
+    before = at_port(str(first))
+    remember_port(str(first), find_port(str(first)))
+    first.unlink()
+    second.touch()
+    plugged[:] = [device(second, "A7")]
+    assert find_port(str(first)) == str(second) == find_port("a7")
+    assert at_port(str(first)) & before == {"serial number A7"}, "a stop and a lock hold"
+    first.touch()
+    plugged.append(device(first, "B9"))
+    with pytest.raises(ConfigError, match=r"is another device than before.*ttyUSB1 now. Give that port"):
+        find_port(str(first))
+    plugged[:] = [device(second, "A7"), device(tmp_path / "ttyUSB2", "A7")]
+    first.unlink()
+    with pytest.raises(ConfigError, match=r"have one serial number, A7.*by-path"):
+        find_port(str(first))
+    assert find_port(str(second)) == str(second)
+    assert at_port(str(second)) == {str(second)}, "two of one number are not one machine"
+    plugged.clear()
+    assert find_port(str(first)) == str(first)
+
+
+@pytest.mark.parametrize("url", ["socket://127.0.0.1:2323", "rfc2217://localhost:2323"])
+def test_a_port_on_the_network_is_known_by_its_address(url: str) -> None:
+    """M34."""
+    assert identity(f"gcode:{url},homing=yes") == {"this computer port 2323"}

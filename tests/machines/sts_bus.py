@@ -1,4 +1,6 @@
-"""Six STS3215 servos on a bus, the sixth of the gripper, played over a pseudo-terminal from Feetech's protocol manual and memory table.
+"""Six STS3215 servos on a bus, played over a pseudo-terminal from Feetech's protocol manual and memory table.
+
+The sixth is that of the gripper.
 
 A packet is FF FF, number, length, instruction, parameters and a checksum (the complement of the sum after the header).
 A servo answers FF FF, number, length, error bits, data, checksum; nobody answers what goes to all (254). Positions are

@@ -140,7 +140,9 @@ class Choose:
 
 
 _ADDRESS = re.compile(r"[A-Za-z0-9][A-Za-z0-9._:\[\]-]{0,98}")
-_PORT = re.compile(r"(?!.*\.\.)/dev/(tty|cu\.|pts/|serial/)[A-Za-z0-9._:/+-]{1,120}|COM\d{1,3}")
+_PORT = re.compile(
+    r"(?!.*\.\.)/dev/[A-Za-z0-9._:/+-]{1,120}|COM\d{1,3}|(socket|rfc2217)://[A-Za-z0-9._-]{1,90}:\d{1,5}"
+)
 
 
 @dataclass(frozen=True)

@@ -5,15 +5,21 @@ the driver's module even to print a list. Therefore the module loads the library
 """
 
 import ipaddress
+import re
 import socket
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import urlsplit
 
-from frida_painter.errors import ConfigError
+from platformdirs import user_state_path
+
+from frida_painter.errors import ConfigError, StorageError
 from frida_painter.registry import install_command
+from frida_painter.system import storage
 
 if TYPE_CHECKING:
     from frida_painter.hardware.robot import Camera, Point, Robot, Workspace
@@ -86,6 +92,7 @@ def millimetres_per_second(text: str) -> float:
 # there.
 
 _HERE = "this computer"
+_PORTS = user_state_path("frida-painter", appauthor=False) / "ports.json"
 
 
 def by_name(name: MachineName) -> frozenset[str]:
@@ -107,14 +114,68 @@ def at_host(host: str, port: int | None = None) -> frozenset[str]:
 
 
 def at_port(device: str) -> frozenset[str]:
-    """Returns the identities of a machine on a serial port: the resolved device path and its serial number."""
-    path = str(Path(device).resolve())
-    numbers = {
-        f"serial number {port.serial_number}"
-        for port in _ports()
-        if port.serial_number and str(Path(port.device).resolve()) == path
-    }
-    return frozenset({path, *numbers})
+    """Returns the identities of a machine on a serial port: the resolved device path and its serial number.
+
+    A port on the network (socket://, rfc2217://) is known by its address. Raises ConfigError, as `find_port` does.
+    """
+    if "://" in device:
+        address = urlsplit(device)
+        return at_host(address.hostname or "", address.port)
+    numbers, path = _numbers(), _resolve(find_port(device))
+    number = numbers.get(path)
+    return frozenset({path, *([f"serial number {number}"] if [*numbers.values()].count(number) == 1 else [])})
+
+
+def find_port(name: str) -> str:
+    """Returns the port at which a device is now: of that name, or with the serial number that it had under that name.
+
+    name: of a port, with links of udev; an address (socket://HOST:PORT); or a device's serial number
+    Raises ConfigError if another device took the name, or if several have the serial number.
+    """
+    if "://" in name or not (numbers := _numbers()):
+        return name
+    there = Path(name).exists() or any(port.device == name for port in _ports())  # COM3 is no path
+    if "/by-id/" in name and there:  # a link to one of those that share a number
+        wanted = numbers.get(_resolve(name), "")
+    else:
+        wanted = _remembered().get(name, "" if there else name)
+    found = [device for device, number in numbers.items() if number.lower() == wanted.lower()]
+    if there and (not found or ("/by-id/" not in name and _resolve(name) in found)):
+        return name
+    if len(found) > 1:
+        raise ConfigError(
+            f"{', '.join(found)} have one serial number, {wanted}, so which of them {name!r} is, is not known. Unplug "
+            "the other, or give the place where it is plugged in: see ls -l /dev/serial/by-path."
+        )
+    if there and "/by-id/" not in name:
+        raise ConfigError(
+            f"At {name} is another device than before; the machine that was there is at {found[0]} now. Give that port."
+        )
+    return found[0] if found else name
+
+
+def remember_port(name: str, device: str) -> None:
+    """Keeps the serial number of the device that was opened under a name, so that it is found under another one."""
+    number = _numbers().get(_resolve(device))
+    if number and _remembered().get(name) != number and "/by-" not in name:
+        with suppress(StorageError):
+            storage.write_json(_PORTS, {**_remembered(), name: number})
+
+
+def _remembered() -> dict[str, str]:
+    try:
+        return {str(name): str(number) for name, number in storage.read_json(_PORTS, "the ports of machines").items()}
+    except StorageError:
+        return {}
+
+
+def _numbers() -> dict[str, str]:
+    """Returns the serial numbers of the devices that have one, by the paths of their ports."""
+    return {_resolve(port.device): str(port.serial_number) for port in _ports() if port.serial_number}
+
+
+def _resolve(device: str) -> str:
+    return device if re.fullmatch(r"COM\d+", device) else str(Path(device).resolve())
 
 
 def _address(text: str) -> str:

@@ -69,7 +69,7 @@ def test_a_machine_with_switches_is_homed_only_if_that_is_allowed(simulated_time
     assert not robot.zero().known and robot.zero().homes, "a person is asked first (M26)"
     sent = len(allowed.commands())
     for act in (lambda: robot.jog(np.array([0.001, 0, 0])), lambda: robot.set_zero(FOUND)):
-        with pytest.raises(RobotError, match="locked by an alarm.* Let it home"):
+        with pytest.raises(RobotError, match=r"locked by an alarm.* Let it home"):
             act()
     assert len(allowed.commands()) == sent
     robot.find_zero()
@@ -164,7 +164,7 @@ def test_two_numbers_are_a_place(simulated_time: SimulatedTime) -> None:
     assert robot.pose()[:2] == pytest.approx((0.12, 0.05)) and robot.timing() is not None
     robot.close()
     flat = grbl.GrblController(grbl.FLUIDNC_FLAT, grbl.QUICK)
-    with pytest.raises(RobotError, match="has no axis Z.*give servo="):
+    with pytest.raises(RobotError, match=r"has no axis Z.*give servo="):
         serial_bench(simulated_time, flat, Gcode("grbl", 0.1)).robot().connect()
 
 
@@ -460,6 +460,7 @@ def test_a_stop_may_lose_steps_so_marlins_zero_is_found_again(simulated_time: Si
 def test_a_port_that_does_not_exist_lists_those_that_do(monkeypatch: pytest.MonkeyPatch) -> None:
     class Port:
         device, description = "/dev/ttyUSB3", "USB Serial"
+        serial_number = manufacturer = product = None
 
     monkeypatch.setattr("serial.tools.list_ports.comports", lambda: [Port()])
     robot = GcodeRobot("/dev/ttyNOPE", (0.0, 0.0, 0.05), Gcode())

@@ -1,11 +1,14 @@
 """What a board said while nobody listened: a line in two parts, and more lines than anybody read."""
 
+import socket
 import time
 from collections import deque
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from frida_painter.errors import MotionFailed
+from frida_painter.errors import MotionFailed, RobotError
 from frida_painter.hardware.gcode import Gcode
 from frida_painter.hardware.interlock import Interlock
 from frida_painter_drivers.grbl import Grbl
@@ -52,3 +55,27 @@ def test_only_the_part_without_an_end_is_dropped() -> None:
     line.drop_part()
     assert [line.read(0.01) for _ in range(3)] == ["two", "ALARM:1", None]
     assert not line.holds_part
+
+
+def test_a_line_over_the_network_is_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """M34: ser2net, or FluidNC over WiFi."""
+    pytest.importorskip("serial")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        line = SerialLine.open(f"socket://127.0.0.1:{server.getsockname()[1]}", 115_200)
+        there, _ = server.accept()
+        with there:
+            line.write(b"?")
+            assert there.recv(1) == b"?"
+            there.sendall(b"<Idle>\r\n")
+            assert line.read(5.0) == "<Idle>" and line.stop_line(b"!") is not None
+            line.close()
+    assert line.stop_line(b"!") is None
+
+
+def test_a_modem_is_no_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    comports = pytest.importorskip("serial.tools.list_ports")
+    one = SimpleNamespace(device="/dev/ttyACM7", description="HUAWEI Mobile Modem", manufacturer=None, product=None,
+                          serial_number=None)  # fmt: skip
+    monkeypatch.setattr(comports, "comports", lambda: [one])
+    with pytest.raises(RobotError, match=r"is a modem .* give its own port"):
+        SerialLine.open("/dev/ttyACM7", 115_200)
