@@ -214,6 +214,9 @@ Repaint = Annotated[
         "--repaint/--skip", help="Repaint or skip the stroke that may already be painted. [dim]asks; skip with --yes[/]"
     ),
 ]
+OtherPlace = Annotated[
+    str | None, taking("NAME", "The same kind of robot, at another port or address. [dim]where it was[/]", "--robot")
+]
 Yes = Annotated[
     bool, typer.Option("--yes", "-y", help="Ask no questions. Skips a stroke in doubt; a machine may home.")
 ]
@@ -230,6 +233,7 @@ def resume(
     pace: PaceOption = 0.0,
     propose: ProposeOption = None,
     page: PageOption = None,
+    robot: OtherPlace = None,
 ) -> None:
     """Continue a painting that was stopped, paused or killed, from its folder.
 
@@ -252,7 +256,9 @@ def resume(
             return
         prepare_process()
         changed, other = accept_changes, led is None
-        run = stack.enter_context(PaintingRun.reopen(folder, accept_changes=changed, pace=pace, forget_stop=other))
+        run = stack.enter_context(
+            PaintingRun.reopen(folder, accept_changes=changed, pace=pace, forget_stop=other, robot=robot)
+        )
         if history.end.finished:
             attend(run, led)
             say(f"This painting is finished: {painted} strokes. Its page and pictures are made again.")

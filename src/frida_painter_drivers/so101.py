@@ -295,7 +295,7 @@ class So101Robot(Driver):
         yield MachineFact(f"The brush's tip is at ({tip[0]:.3f}, {tip[1]:.3f}, {tip[2]:.3f}) m of the arm's base, "
                           f"{1000 * self.brush_length:.0f} mm beyond {holder} (brush_length).")  # fmt: skip
         if len(self._servos) < _GRIPPER:
-            yield MachineFact("No gripper answers (servo 6). If the arm has one, look at its cable, or the brush drops.",
+            yield MachineFact("No gripper answers (servo 6). If it has one, look at its cable, or the brush drops.",
                               "warning")  # fmt: skip
         for number, joint in enumerate(self._servos, 1):
             load = self._read("examine", number, _LOAD)

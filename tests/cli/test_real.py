@@ -156,7 +156,9 @@ def test_a_painting_on_a_real_easel_waits_for_the_wells_and_is_resumed_on_the_sa
         status, said = run("paint", "coffee.png", *SMALL, *on(grbl.name), "--no-film", "--out", "it", typing=["n"])
         assert status == 2 and "paints were not there" in said.replace("\n", " ")
         assert told(easel / "it").progress.painted == 0 and not any("Z118" in line for line in grbl.received)
-        status, said = run("resume", "it", "--yes")
+        status, said = run("resume", "it", "--yes", "--robot", f"marlin:{grbl.name}")
+        assert status == 2 and "only says where that robot is" in said.replace("\n", " ")
+        status, said = run("resume", "it", "--yes", "--robot", f"gcode:{grbl.name},baud=57600")
         assert status == 0, said
         history = told(easel / "it")
         assert history.end.finished and history.progress.painted == 4 and history.sittings.count == 2

@@ -40,6 +40,7 @@ from frida_painter.errors import (
     StorageError,
 )
 from frida_painter.hardware.easel import Easel
+from frida_painter.hardware.kinds import MachineName
 from frida_painter.objectives.encoders.loading import EncoderRegistry
 from frida_painter.perception.color import read_palette
 from frida_painter.planning.forecast import SimilarityForecast
@@ -199,11 +200,13 @@ class PaintingRun:
         pace: float = 0.0,
         state: str | Path | None = None,
         forget_stop: bool = True,
+        robot: str | None = None,
     ) -> Self:
         """Opens a painting that was stopped, killed or paused; locks its journal until the `with` block ends.
 
         pace: speed of a simulated robot: 1 as a real one, 0 as fast as possible.
         forget_stop: True to remove the stop file of another sitting.
+        robot: the same kind of robot at another port or address.
         Raises StorageError if the folder holds no painting or another process works on it. Raises ConfigError, with
         all changes, if something has changed and that is not accepted.
         """
@@ -211,7 +214,12 @@ class PaintingRun:
         if forget_stop:
             _forget_stop(Path(folder))
         try:
-            return cls(reopened.spec, folder, state=state, _reopened=reopened)
+            spec = reopened.spec
+            if robot is not None:
+                if MachineName.of(robot).kind != MachineName.of(spec.robot).kind:
+                    raise ConfigError(f"{spec.robot} paints this; --robot only says where that robot is now.")
+                spec = spec.with_values(robot=robot)
+            return cls(spec, folder, state=state, _reopened=reopened)
         except BaseException:
             reopened.journal.close()
             raise
