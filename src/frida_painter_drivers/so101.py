@@ -181,7 +181,7 @@ class So101Robot(Driver):
         self._packets: Any = None
         self._ranges = np.zeros((5, 2))
         self._steps = np.zeros(5)
-        self._servos = JOINTS
+        self._servos: tuple[str, ...] = JOINTS
 
     @cached_property
     def _kinematics(self) -> So101Kinematics:

@@ -122,8 +122,8 @@ def at_port(device: str) -> frozenset[str]:
         address = urlsplit(device)
         return at_host(address.hostname or "", address.port)
     numbers, path = _numbers(), _resolve(find_port(device))
-    number = numbers.get(path)
-    return frozenset({path, *([f"serial number {number}"] if [*numbers.values()].count(number) == 1 else [])})
+    alone = [number for number in numbers.values() if [*numbers.values()].count(number) == 1]
+    return frozenset({path, *(f"serial number {number}" for number in alone if number == numbers.get(path))})
 
 
 def find_port(name: str) -> str:
