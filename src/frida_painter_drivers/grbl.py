@@ -261,7 +261,7 @@ class Grbl(AnyFirmware):
         state = self._state
         if state.startswith("Alarm"):
             help_it = (
-                "you are asked before it homes (homing=yes)." if self._homing_wanted
+                "you are asked before it homes (homing=yes)." if self._homing_wanted and self.can_home
                 else "home it or release it with its own controls, or allow homing in its name (homing=yes)."
             )  # fmt: skip
             yield MachineFact(f"It is in an alarm: {help_it}", "fact" if self._homing_wanted else "warning")
@@ -377,10 +377,14 @@ class Grbl(AnyFirmware):
     def _mark_zero(self) -> None:
         self._was_reset, self._zero_known = False, True
         self._told.offsets = self._list_offsets()
+        if mark := self._mark_word():
+            self.send(mark, "zero", None)
+
+    def _mark_word(self) -> str:
+        """Returns the word that notes in the machine that its zero is known; "" if it would move something."""
         if self._name != "grblHAL":
-            self.send(f"T{self._mark(254)}", "zero", None)
-        elif any("M5" in line.split() for line in self._list("$G")):
-            self.send(f"S{self._mark(900)}", "zero", None)
+            return f"T{self._mark(254)}"
+        return f"S{self._mark(900)}" if any("M5" in line.split() for line in self._list("$G")) else ""
 
     def _list_offsets(self) -> list[str]:
         return [line for line in self._list("$#") if line.startswith(("[G5", "[G92"))]
@@ -527,8 +531,9 @@ class Grbl(AnyFirmware):
         while time.monotonic() < until and not self._was_reset:
             self._hear(SLICE)
         self._was_reset, self._zero_known = False, known
-        if known:
-            self._mark_zero()
+        if known and (mark := self._mark_word()):  # not by `send`, which heeds a stop
+            self.line.write(f"{mark}\n".encode("ascii"))
+            self._hear(4 * SLICE)
 
     # Lines that come.
 

@@ -495,6 +495,9 @@ def test_a_machine_is_set_up_on_a_phone_left_and_continued_at_a_desk_by_keyboard
                 press(phone, "Another one")
             phone.get_by_label("Address").fill(living.name)
             press(phone, "Connect")
+            for words in ("drive to its limit switches", "From now on the tip moves"):
+                asked(phone, words)
+                press(phone, "Yes")
             asked(phone, "bottom-left corner")
             before = machine.tip.copy()
             for way, moved in (("Left", 10), ("Right", 5)):  # back: the step shrinks
@@ -517,6 +520,7 @@ def test_a_machine_is_set_up_on_a_phone_left_and_continued_at_a_desk_by_keyboard
             studio.press_enter()
             tab_to(desk, "^Continue$")
             desk.keyboard.press("Enter")
+            agree(desk, "From now on the tip moves", "Yes")
             agree(desk, "Shall it go down until it feels", "No")
             for times, key, then in ((3, "Shift+ArrowDown", "Now lower it"), (1, "ArrowDown", "uneven")):
                 for _ in range(times):

@@ -118,6 +118,7 @@ class GuardedRobot:
         outside the workspace and cannot be jogged, RobotError and its subclasses.
         """
         self._require_armed("connect")
+        self._tip = None
         self._call("connect", self.robot.connect, self._connecting)
         self._recognise()
         self._timing = self._ask("timing")

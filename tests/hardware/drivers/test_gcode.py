@@ -132,6 +132,10 @@ def test_a_mark_for_a_known_zero_moves_nothing(simulated_time: SimulatedTime) ->
     robot.close()
     robot.connect()
     assert robot.zero().known and [value for value, _ in bench.controller.output] == [900, 300]
+    robot.stop()
+    robot.close()
+    robot.connect()
+    assert robot.zero().known, "it was stopped at rest, and reset at rest"
 
 
 @pytest.mark.parametrize(("kind", "directions", "inside", "outside"), [
