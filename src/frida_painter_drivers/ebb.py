@@ -335,5 +335,5 @@ class Board:
 
 
 def _digest(steps: tuple[int, int]) -> int:
-    """Returns a number from 1 to 255 for two counters of steps."""
-    return 1 + zlib.crc32(repr(steps).encode()) % 255
+    """Returns a number for two counters of steps, as large as a variable of firmware 2 holds: 1 to 127."""
+    return 1 + zlib.crc32(repr(steps).encode()) % 127

@@ -333,9 +333,14 @@ class Grbl(AnyFirmware):
             lower, upper = lower + off * (lower < 0), upper - off * ((upper > 0) | (not at_zero))
         return lower - self._offset, upper - self._offset
 
-    # The zero. GRBL and FluidNC forget their T word at every reset and keep it otherwise, and it moves nothing; so it
-    # tells if the position survived. grblHAL may keep it over a power cut; its S word tells the same, and is set only
-    # while the spindle is off. With a servo on grblHAL, the servo's own value tells it.
+    # The zero. GRBL and FluidNC forget their T word at every reset, and it moves nothing; so it tells if the position
+    # survived. GRBL forgets it at each line without one, too (gcode.c, [5. Select tool]), so each line has one. grblHAL
+    # may keep it over a power cut; its S word tells the same, and is set only while the spindle is off. With a servo on
+    # grblHAL, the servo's own value tells it.
+
+    @property
+    def _marks_lines(self) -> bool:
+        return self._name != "grblHAL"
 
     @property
     def can_home(self) -> bool:
@@ -382,7 +387,7 @@ class Grbl(AnyFirmware):
 
     def _mark_word(self) -> str:
         """Returns the word that notes in the machine that its zero is known; "" if it would move something."""
-        if self._name != "grblHAL":
+        if self._marks_lines:
             return f"T{self._mark(254)}"
         return f"S{self._mark(900)}" if any("M5" in line.split() for line in self._list("$G")) else ""
 
@@ -395,7 +400,7 @@ class Grbl(AnyFirmware):
 
     def _is_marked(self) -> bool:
         words, servo = {word[0]: word[1:] for word in self._told.modes}, self._language.servo
-        if self._name != "grblHAL":
+        if self._marks_lines:
             return words.get("T") == str(self._mark(254))
         try:
             power = float(words.get("S", "0"))
@@ -440,7 +445,9 @@ class Grbl(AnyFirmware):
         dwell = re.match(r"G4 P([\d.]+)", line)
         quiet += float(dwell[1]) if dwell else 0.0
         self._catch_up(label)
-        self.line.write(line.encode("ascii") + b"\n")
+        marks = self._zero_known and self._marks_lines and not re.match(r"\$|.*T\d", line)
+        mark = f" {self._mark_word()}" if marks else ""
+        self.line.write(f"{line}{mark}\n".encode("ascii"))
         began = self._heard_at = self._moved_at = time.monotonic()
         idle, ask_at = 0, began + _ASK_AFTER
         while True:

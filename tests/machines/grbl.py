@@ -52,7 +52,9 @@ class Kind:
     mute_after_limit: bool = True  # protocol.c: after a critical alarm it hears nothing but a reset
     hides: tuple[str, ...] = ()  # settings that it does not list
     axes: int = 3
-    shows_tool: bool = True  # gcode.c: "Only tracks tool value"; grblHAL shows a tool only once it was changed (M6)
+    tool: str = (
+        "line"  # kept to the next "line" (gcode.c), until a "reset" (FluidNC), or only "changed" by M6 (grblHAL)
+    )
     old: bool = False  # GRBL 0.9: report.c of v0.9j, <Idle,MPos:...,WPos:...>
     slow: float = 0.0  # seconds between the halves of the list of settings: a slow or busy line
     at_zero: bool = False  # HOMING_FORCE_SET_ORIGIN (limits.c, system.c); always in FluidNC (Limit.cpp)
@@ -79,7 +81,7 @@ GRBLHAL = Kind(
     mute_after_limit=False,
     resets_when_opened=False,  # USB CDC of the processor itself
     tells_homed=True,
-    shows_tool=False,
+    tool="changed",
 )  # fmt: skip
 FLUIDNC = Kind(
     banner="Grbl 3.7 [FluidNC v3.7.16 (wifi) '$' for help]",
@@ -92,6 +94,7 @@ FLUIDNC = Kind(
     dwell_step=0.001,
     hides=("0", "1", "2", "3", "4", "5", "6", "24", "25", "26", "27"),  # its configuration file says these
     at_zero=True,
+    tool="reset",
 )
 FLUIDNC_FLAT = replace(FLUIDNC, axes=2, hides=(*FLUIDNC.hides, "112", "122", "132"))  # Axes::_numberAxis is 2
 ORIGIN = Kind(version=("[VER:1.1h.20190825:]", "[OPT:VZ,15,128]"), at_zero=True)  # report.c: the letter Z
@@ -328,7 +331,7 @@ class GrblController:
             elif not line.text:
                 self._answer("ok")
             else:
-                self.received.append(line.text)
+                self.received.append(re.sub(r"(?<=.)T\d+$", "", line.text))  # without the mark of a known zero
                 self._begin(line.text)
 
     def _is_motion(self, text: str) -> bool:
@@ -393,7 +396,8 @@ class GrblController:
         if tools and not 0 <= tools[0] <= 255:  # MAX_TOOL_NUMBER
             self._answer("error:38")
             return
-        self.tool = tools[0] if tools and self.kind.shows_tool else self.tool
+        if self.kind.tool != "changed":
+            self.tool = tools[0] if tools else self.tool if self.kind.tool == "reset" else 0
         unit = _INCH if self.inches else 1.0
         if "F" in numbers:
             self.feed = numbers["F"] * unit

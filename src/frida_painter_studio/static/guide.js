@@ -99,14 +99,14 @@ export function guideCard(asked, may, answer) {
     const way = KEYS[event.key];
     if (way) move(way[0], way[1]);
     else if (event.key === "+" || event.key === "-") change(event.key === "+" ? -1 : 1);
-    else if (event.key === "Enter" && event.target === group) settle();
+    else if (event.key.toLowerCase() === "o" && event.target === group) settle();
     else return;
     event.preventDefault();
   }
   document.addEventListener("keydown", onkey);
   update(asked);
   const element = h("div", { class: "asked" }, h("p", { class: "text" }, asked.text), group, remark,
-    h("p", { class: "label keys-help" }, "Arrow keys move the tip, Page Up and Page Down raise and lower it. A step shrinks when you turn back; + and − change it. Enter: it is there."),
+    h("p", { class: "label keys-help" }, "Arrow keys move the tip, Page Up and Page Down raise and lower it. A step shrinks when you turn back; + and − change it. O: it is there."),
     h("p", {}, done));
   return { element, update, close: () => document.removeEventListener("keydown", onkey) };
 }
