@@ -188,7 +188,7 @@ class Terminal:
             return self.keys.answer(question, self.tell)
         prompt, understand, allowed = _in_words(question)
         if isinstance(question, Confirm) and question.moves:
-            forget_typed()
+            flush_keys()
         while True:
             try:
                 line = self.ask(prompt).strip()
@@ -222,7 +222,7 @@ def terminal_at(pictures: Path, console: Console | None = None, keys: "GuidingKe
     )
 
 
-def forget_typed() -> None:
+def flush_keys() -> None:
     """Forgets what was typed at the terminal before a question: it was no answer to it."""
     if not sys.stdin.isatty():
         return
@@ -358,7 +358,7 @@ class GuidingKeys:
             tell(
                 "  Arrows: left, right, away, near. Page up and down (or w, s): up, down. + and -: step. o: there (ok)."
             )
-            forget_typed()
+            flush_keys()
         tell(f"  {_millimetres(question.position)} mm, step {JOG_STEPS[self._step] * 1000:g} mm")
         while True:
             try:
