@@ -22,15 +22,7 @@ from frida_painter import registry
 from frida_painter.errors import MotionFailed, RobotDisconnected, RobotError
 from frida_painter.hardware.deadline import one_line, steady
 from frida_painter.hardware.gateway import FASTEST
-from frida_painter.hardware.kinds import (
-    MachineName,
-    Needed,
-    RobotKind,
-    at_port,
-    find_port,
-    remember_port,
-    require_home,
-)
+from frida_painter.hardware.kinds import MachineName, Needed, RobotKind, at_port, find_port, remember_port, require_home
 from frida_painter.hardware.robot import MachineFact, Point, Waypoints, Workspace
 from frida_painter.hardware.timing import AxisTiming, Timing
 from frida_painter_drivers.driver import Driver
