@@ -16,7 +16,7 @@ ROOT = SRC.parent.parent
 # names wherever they are described.
 STEMS = {
     "canvas", "color", "commands", "easel", "gcode", "goals", "kernels", "kinds", "options", "paint",
-    "painting", "policies", "robot", "strokes", "table",
+    "painting", "robot", "strokes", "table",
 }  # fmt: skip
 CLASSES: set[str] = set()
 

@@ -19,19 +19,12 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
+from policies import GreedyPolicy, PlannerPolicy, RandomPolicy, VectorObservation, VectorObservations, play
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 import frida_painter as fp
-from frida_painter_lab.env.policies import (
-    GreedyPolicy,
-    PlannerPolicy,
-    RandomPolicy,
-    VectorObservation,
-    VectorObservations,
-    play,
-)
 from frida_painter_lab.targets import load_shipped_targets
 
 LEARNED_FROM, HELD_OUT = ("astronaut", "cat", "coffee", "retina"), "rocket"

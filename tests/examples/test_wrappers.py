@@ -2,10 +2,10 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from policies import VectorObservation, VectorObservations
 
 import frida_painter_lab.env  # noqa: F401, registers
 from frida_painter.errors import ConfigError
-from frida_painter_lab.env.policies import VectorObservation, VectorObservations
 
 SMALL = {"canvas": "9x7cm", "brush": "fine", "paints": ["#eeddaa", "#222233"], "rows": 28, "strokes": 5}
 HALVES = torch.cat((torch.zeros(3, 28, 18), torch.ones(3, 28, 18)), 2)

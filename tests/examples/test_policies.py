@@ -2,9 +2,9 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from policies import GreedyPolicy, PlannerPolicy, RandomPolicy, play
 
 import frida_painter_lab.env  # noqa: F401, registers
-from frida_painter_lab.env.policies import GreedyPolicy, PlannerPolicy, RandomPolicy, play
 
 SMALL = {"canvas": "9x7cm", "brush": "fine", "paints": ["#eeddaa", "#aa3333", "#222233"], "rows": 28, "strokes": 8}
 # Dark below, light above
