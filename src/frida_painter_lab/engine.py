@@ -3,26 +3,26 @@
 A task is some runs of a folder, whose requests are in its files: only their keys travel to another process.
 """
 
+import math
 import os
 import queue
-import subprocess
 import threading
+import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Generator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from frida_painter.errors import FridaError, ProcessLost, TryFailed, WorkerUnfit
-from frida_painter.system import operating_system, python_process
-from frida_painter.system.messages import Wire, decode_error, encode_error
+from frida_painter.system import operating_system
 from frida_painter.system.python_process import in_own_process
 from frida_painter_lab.runs import Run
 
 _STARTING = 300.0  # seconds for a process to load, on a busy machine
-_DO_TASKS = "frida_painter_lab.engine:do_tasks"
+_MANY = 100  # tasks of a process at most
 
 
 @dataclass(frozen=True)
@@ -82,146 +82,103 @@ def slots_here(limits: TaskLimits, most: int | None = None) -> int:
 
 
 @in_own_process()
-def do_tasks(wire: Wire, work: str, threads: int) -> None:
-    """Does tasks as they are asked for over the link, and ends with it. work: as MODULE:FUNCTION"""
+def do_tasks(work: str, threads: int, tasks: tuple[tuple[str, ...], ...], tell: Callable[[int], None]) -> None:
+    """Does tasks, one after another. Raises the error of one that fails: TryFailed if it is no FridaError.
+
+    work: as MODULE:FUNCTION
+    tasks: folder of each, and the keys of its runs
+    tell: receives the number of tasks that are done, first 0 when all is loaded
+    """
     import torch
 
     name, _, function = work.partition(":")
     module = import_module(name)
     torch.set_num_threads(threads)
-    asked = queue.SimpleQueue[dict[str, Any]]()
-
-    def listen() -> None:
-        with suppress(ProcessLost):
-            while True:
-                asked.put(wire.receive()[0])
-        os._exit(1)  # whoever asked is gone, and nothing that goes on here is wanted
-
-    threading.Thread(target=listen, daemon=True).start()
-    wire.send({"ready": True})
-    while True:
-        told = asked.get()
+    tell(0)
+    for number, (keep, *keys) in enumerate(tasks, 1):
         try:
-            getattr(module, function)(module.reopen(told["keep"], told["keys"]))
-            wire.send({})
-        except FridaError as error:
-            wire.send(encode_error(error))
+            getattr(module, function)(module.reopen(keep, keys))
+        except ProcessLost as lost:  # of an easel: this process is not lost
+            raise TryFailed(str(lost)) from lost
+        except FridaError:
+            raise
         except Exception as error:
             last = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{Path(last.filename).name}, line {last.lineno}"
-            wire.send(encode_error(TryFailed(f"{type(error).__name__}: {error} ({place})"[:500])))
+            raise TryFailed(f"{type(error).__name__}: {error} ({place})"[:500]) from error
+        tell(number)
 
 
+@dataclass(frozen=True)
 class Engine:
-    """Engine of processes on this machine, one for each slot. They serve many tasks and end with their parent.
+    """Engine of processes on this machine, one for each slot. Each does many tasks, and ends with its parent.
 
     slots: number of tasks at the same time
     """
 
-    def __init__(self, limits: TaskLimits, slots: int) -> None:
-        self._limits, self._slots = limits, slots
+    limits: TaskLimits
+    slots: int
 
     def run(self, work: Work, tasks: Sequence[Share]) -> Generator[Ended, None, None]:
         """Does `work` for every task, and yields each when it ends. Closing the iterator stops the running tasks.
 
         A WorkerUnfit error ends its task without further tries, because they would fail too.
         """
-        rest, done = queue.SimpleQueue[Share](), queue.SimpleQueue[Ended]()
-        for task in tasks:
-            rest.put(task)
-        workers = [_Worker(f"{work.__module__}:{work.__qualname__}", self._limits) for _ in range(self._slots)]
+        rest, done, over = deque(tasks), queue.SimpleQueue[Ended](), threading.Event()
+        taking, name = threading.Lock(), f"{work.__module__}:{work.__qualname__}"
 
-        def serve(worker: _Worker) -> None:
-            with suppress(queue.Empty):
-                while not worker.is_over:
-                    task = rest.get_nowait()
-                    try:
-                        error = worker.find_error(task)
-                    except Exception as unexpected:  # without an end, its task would be awaited for ever
-                        worker.bury()  # half an answer may wait in its link
-                        error = unexpected
-                    done.put(Ended(task, error))
+        def serve() -> None:
+            while True:
+                with taking:  # fewer at the end, so that no process has nothing to do
+                    count = min(_MANY, math.ceil(len(rest) / self.slots / 2))
+                    mine = deque(rest.popleft() for _ in range(count))
+                if not mine or over.is_set():
+                    return
+                self._do(name, mine, done, over)
 
-        threads = [threading.Thread(target=serve, args=(worker,), daemon=True) for worker in workers]
+        threads = [threading.Thread(target=serve, daemon=True) for _ in range(self.slots)]
         for thread in threads:
             thread.start()
         try:
             for _ in tasks:
                 yield done.get()
         finally:
-            for worker in workers:
-                worker.end()
-            for worker, thread in zip(workers, threads, strict=True):
+            over.set()
+            for thread in threads:
                 thread.join()
-                worker.bury()
 
+    def _do(self, work: str, mine: deque[Share], done: queue.SimpleQueue[Ended], over: threading.Event) -> None:
+        """Does tasks in a process, and in another one after a failure; puts each into `done`."""
+        tried, until = 0, math.inf
 
-class _Worker:
-    """Process for one slot, started when needed, and again after its death."""
+        def hear(count: int) -> None:
+            nonlocal tried, until
+            until = time.monotonic() + self.limits.seconds
+            if count:
+                tried = 0
+                done.put(Ended(mine.popleft()))
 
-    def __init__(self, work: str, limits: TaskLimits) -> None:
-        self._work, self._limits = work, limits
-        self._turn = threading.Lock()
-        self._started: tuple[subprocess.Popen[bytes], Wire] | None = None
-        self.is_over = self._is_ready = False
+        def heed() -> None:
+            if over.is_set() or not time.monotonic() < until:
+                raise ProcessLost("It did not answer in time.")
 
-    def find_error(self, task: Share) -> Exception | None:
-        """Does a task; returns the error of its last try, None if one succeeded."""
-        error: Exception = TryFailed("It was not tried.")
-        for _ in range(self._limits.tries):
-            if self.is_over:
-                break
-            wire = None
+        while mine and not over.is_set():
+            error: Exception | None = None
+            until = began = time.monotonic() + _STARTING
             try:
-                wire = self._open()
-                wire.send({"keep": task.keep, "keys": task.keys})
-                words, _ = wire.receive(self._limits.seconds)
+                keys = tuple((task.keep, *task.keys) for task in mine)
+                replace(do_tasks, heed=heed)(work, self.limits.threads, keys, hear)
             except ProcessLost as lost:
-                self.bury()
-                error = WorkerUnfit(f"No process for the runs could be started ({lost}); see what was said above.")
-                if wire is not None:
-                    error = TryFailed(
-                        "Its process was killed: by the system for want of memory, by a person, or because the try "
-                        f"lasted longer than {self._limits.seconds:g} s (time_limit)."
-                    )
-                continue
-            if "error" not in words:
-                return None
-            error = decode_error(words, TryFailed)
-            if isinstance(error, WorkerUnfit):
-                break
-        return error
-
-    def _open(self) -> Wire:
-        """Returns the link to the process, which is started if there is none. Raises ProcessLost."""
-        with self._turn:
-            if self._started is None and not self.is_over:
-                given = {"work": self._work, "threads": self._limits.threads}
-                self._started = python_process.start_function(_DO_TASKS, given, **operating_system.APART)
-                self._is_ready = False
-            if self._started is None:
-                raise ProcessLost("its work is over")
-            wire = self._started[1]
-        if not self._is_ready:
-            wire.receive(_STARTING)
-            self._is_ready = True
-        return wire
-
-    def end(self) -> None:
-        """Kills the process at once, and lets no other be started; the thread that waits for it hears of it."""
-        self.is_over = True
-        self._kill()
-
-    def bury(self) -> None:
-        """Kills the process, and waits for its end."""
-        self._kill()
-        if self._started is not None:
-            process, wire = self._started
-            self._started = None
-            wire.close()
-            process.wait()
-
-    def _kill(self) -> None:
-        with self._turn:
-            if self._started is not None:
-                operating_system.end_group(self._started[0])
+                error = TryFailed(
+                    "Its process was killed: by the system for want of memory, by a person, or because the try "
+                    f"lasted longer than {self.limits.seconds:g} s (time_limit)."
+                )
+                if until == began:
+                    error = WorkerUnfit(f"No process for the runs could be started ({str(lost).rstrip('.')}).")
+            except Exception as unexpected:  # without an end, its task would be awaited for ever
+                error = unexpected
+            tried += 1
+            is_last = tried >= self.limits.tries or not isinstance(error, FridaError)
+            if mine and error is not None and (is_last or (until != began and isinstance(error, WorkerUnfit))):
+                done.put(Ended(mine.popleft(), error))
+                tried = 0

@@ -78,7 +78,9 @@ FUNCTIONS: dict[str, tuple[dict[str, Any], str]] = {
         {"path": Path("a.png"), "file": "FILE", "most_pixels": 9999, "longest": 9, "layered": False}, "result"
     ),
     "frida_painter_words.picture_makers.pipeline_process:make_pictures": ({"task": PIPELINE}, "tell"),
-    "frida_painter_lab.engine:do_tasks": ({"work": "frida_painter_lab.sweeps.runner:perform", "threads": 1}, "ready"),
+    "frida_painter_lab.engine:do_tasks": (
+        {"work": "frida_painter_lab.sweeps.runner:perform", "threads": 1, "tasks": ()}, "tell"
+    ),
     "frida_painter_cli.variants:make_variant": ({"name": "loose", "settings": "{}", "folder": Path("FOLDER")}, "error"),
     "frida_painter_studio.reader:decode_upload": ({"content": picture()}, "result"),
     "frida_painter_studio.reader:check_makers": ({"makers": ("command:true", "diffusers:a/b")}, "result"),
