@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
@@ -15,15 +14,14 @@ from frida_painter.brush.kinds import BrushKind, brush_kind
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.frames import PixelGrid
-from frida_painter.strokes.palette import MAX_COLORS, Palette, from_hex
+from frida_painter.strokes.palette import MAX_COLORS, AnyColor, Palette, as_color
 from frida_painter.system import images
+from frida_painter.system.images import AnyPicture
 from frida_painter_lab import targets
 from frida_painter_lab.env.actions import NUMBERS, StrokeCode
 
 Observation = dict[str, Any]
-Picture = str | Path | Tensor | NDArray[Any]
-"""Picture: a file, sRGB [3, H, W] in [0, 1], or bytes [H, W, 3]."""
-Paints = int | Palette | Sequence[str | Sequence[float]]
+Paints = int | Palette | Sequence[AnyColor]
 """Paints: how many are mixed for each goal, or their colours."""
 Judge = Callable[[Tensor, Tensor], NDArray[np.float64]]
 """Returns a number [n], more for a better one, for true canvases and their goals, sRGB [n, 3, rows, columns] each."""
@@ -96,7 +94,7 @@ class PaintingTask:
         *,
         brush: str = "medium",
         paints: Paints = 8,
-        goal: Picture | Sequence[Picture] | None = None,
+        goal: AnyPicture | Sequence[AnyPicture] | None = None,
         strokes: int = 100,
         minutes: float = 120.0,
         rows: int = 64,
@@ -120,14 +118,13 @@ class PaintingTask:
         grid = PixelGrid.of_height(CanvasSize.of(canvas), rows)
         if goal is None:
             goal = [target.picture for target in targets.load_shipped_targets()]
-        pictures = [goal] if isinstance(goal, str | Path | Tensor | np.ndarray) else list(goal)
+        pictures = list(goal) if isinstance(goal, Sequence) and not isinstance(goal, str) else [goal]
         goals = [_fit(one, grid) for one in pictures]
         if not goals:
             raise ConfigError("No goal was given; give a picture, or leave it out for photographs of the project.")
         palettes = torch.stack([_palette(paints, images.from_uint8(one)) for one in goals])
-        red, green, blue = _color(ground).tolist()
-        held = brush_kind(brush)
-        return cls(grid, held, (red, green, blue), np.stack(goals), paints, palettes, strokes, float(minutes))
+        held, bare = brush_kind(brush), as_color(_in_full(ground))
+        return cls(grid, held, bare, np.stack(goals), paints, palettes, strokes, float(minutes))
 
     @property
     def paints(self) -> int:
@@ -172,7 +169,7 @@ class PaintingTask:
         Raises ConfigError for other options, and ImageError.
         """
         given = dict(options or {})
-        picture: Picture | None = given.pop("goal", None)
+        picture: AnyPicture | None = given.pop("goal", None)
         if given:
             raise ConfigError(f"A reset was given the option {str(next(iter(given)))[:40]!r}; its only option is goal.")
         if picture is None:
@@ -211,48 +208,28 @@ def require_whole(what: str, value: object, least: int, most: int) -> None:
         raise ConfigError(f"{str(value)[:40]!r} was given for {what}; it is a whole number from {least} to {most}.")
 
 
-def _fit(picture: Picture, grid: PixelGrid) -> NDArray[np.uint8]:
+def _fit(picture: AnyPicture, grid: PixelGrid) -> NDArray[np.uint8]:
     """Returns a goal as bytes [rows, columns, 3] that fill the canvas. Raises ImageError and ConfigError."""
-    if isinstance(picture, str | Path):
-        whole = images.load(Path(picture))
-    elif isinstance(picture, np.ndarray) and picture.dtype == np.uint8 and picture.ndim == 3 and picture.shape[2] == 3:
-        whole = images.from_uint8(picture)
-    elif isinstance(picture, Tensor) and picture.dim() == 3 and len(picture) == 3:
-        whole = picture.detach().cpu().float()
-    else:
+    whole = images.as_picture(picture).detach().cpu().float()
+    if not min(whole.shape[1:]) >= _MIN_SIDE:
         raise ConfigError(
-            f"A goal of type {type(picture).__name__} and shape {tuple(getattr(picture, 'shape', ()))} was given; give "
-            "a file, a tensor [3, H, W] in [0, 1], or bytes [H, W, 3]."
-        )
-    if not (min(whole.shape[1:]) >= _MIN_SIDE and bool(((whole >= 0) & (whole <= 1)).all())):
-        raise ConfigError(
-            f"A goal of {whole.shape[1]} x {whole.shape[2]} pixels with values outside [0, 1], or below {_MIN_SIDE} "
-            "pixels, was given; give sRGB in [0, 1]."
+            f"A goal of {whole.shape[1]} x {whole.shape[2]} pixels was given; each side has at least {_MIN_SIDE}."
         )
     return images.to_uint8(images.resize_by_area(whole, grid.rows, grid.columns))
 
 
 def _palette(paints: Paints, goal: Tensor) -> Tensor:
     """Returns the colours of the paints [k, 3] for a goal [3, rows, columns]. Raises ConfigError."""
-    if isinstance(paints, Palette):
-        return paints.color.float()
     if isinstance(paints, int | np.integer):
         require_whole("paints", paints, 1, MAX_COLORS)
         pixels = goal.flatten(1).T
         return Palette.cluster(pixels, torch.ones(len(pixels)), int(paints), _PAINT_SEED).color.float()
-    if isinstance(paints, str) or not len(paints):
-        raise ConfigError(f"The paints {paints!r} were given; give their number, or a list such as ['#222', '#a33'].")
-    return Palette(torch.stack([_color(paint) for paint in paints])).color
+    if not isinstance(paints, Palette):
+        paints = Palette(paints if isinstance(paints, str) else [*map(_in_full, paints)])
+    return paints.color.float()
 
 
-def _color(color: str | Sequence[float]) -> Tensor:
-    """Returns sRGB [3] of "#a33", "#aa3333", or three numbers in [0, 1]. Raises ConfigError."""
-    if isinstance(color, str):
-        short = len(color) == 4 and color.startswith("#")
-        return from_hex("#" + "".join(2 * digit for digit in color[1:]) if short else color)
-    numbers = torch.as_tensor(np.asarray(color, np.float32))
-    if numbers.shape != (3,) or not bool(((numbers >= 0) & (numbers <= 1)).all()):
-        raise ConfigError(
-            f"The colour {str(color)[:40]} was given; write it like #b97f2c, or as three numbers in [0, 1]."
-        )
-    return numbers
+def _in_full(color: AnyColor) -> AnyColor:
+    """Returns "#a33" as "#aa3333", and any other colour as it is."""
+    is_short = isinstance(color, str) and len(color) == 4 and color.startswith("#")
+    return "#" + "".join(2 * digit for digit in color[1:]) if is_short else color
