@@ -91,8 +91,8 @@ def replanning(
     """Compare paintings with and without replanning: the distance to the first plan and to the target."""
     from frida_painter_lab.simulation_gap import Replanning
 
-    (target,) = _targets([photo] if photo else None, ["coffee"])
-    _conduct(Replanning(brush=brush, seeds=seeds, photo=target, quick=quick), out, jobs)
+    photos = _targets([photo] if photo else None, ["coffee"])
+    _conduct(Replanning(brush=brush, seeds=seeds, photos=photos, quick=quick), out, jobs)
 
 
 def semantic(

@@ -31,13 +31,12 @@ class SemanticExperiment(Comparison):
 
     NAME = "semantic"
     TITLE = "Photographs painted by meaning and by pixels"
-    LABELS = ("photograph",)
-    WAYS = (PaintingWay("by pixels"), PaintingWay("by meaning", "by pixels", goal=({"semantic": "{0.path}"},)))
+    LABEL = "photograph"
+    WAYS = (PaintingWay("by pixels"), PaintingWay("by meaning", "by pixels", kind="semantic"))
     MEASURES: ClassVar[Mapping[str, bool | None]] = {
         "feature distance": False, "LPIPS-like": False, "edge F-score": True, "PSNR, dB": True, "CPU s": None,
     }  # fmt: skip
 
-    photos: tuple[Target, ...]
     seeds: tuple[int, ...] = (0, 1)
 
     @cached_property
@@ -50,14 +49,14 @@ class SemanticExperiment(Comparison):
         assert self.seer is not None
         return self
 
-    def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
+    def figures(self, painted: Painted, picture: Tensor, target: Target) -> Mapping[str, float]:
         """Measures the distances between painting and photograph."""
-        target = images.fit(scene[0].picture, *picture.shape[1:])
+        wanted = images.fit(target.picture, *picture.shape[1:])
         found = (
-            measures.feature_distance(self.seer, picture, target, _SIDE),
-            measures.perceptual_distance(self.networks.style(), picture, target),
-            measures.edge_score(picture, target),
-            measures.psnr(picture, target),
+            measures.feature_distance(self.seer, picture, wanted, _SIDE),
+            measures.perceptual_distance(self.networks.style(), picture, wanted),
+            measures.edge_score(picture, wanted),
+            measures.psnr(picture, wanted),
             painted.seconds,
         )
         return dict(zip(self.MEASURES, found, strict=True))

@@ -91,14 +91,10 @@ def _cosine(a: Tensor, b: Tensor) -> float:
 
 def _edges(picture: Tensor) -> NDArray[np.bool_]:
     """Returns Canny's edges [h, w] of a blurred picture; the blur removes the grain of a brush."""
-    pixels = images.to_uint8(images.fit(picture, *_shape(picture)))
+    pixels = images.to_uint8(images.fit(picture, _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1])))
     gray = cv2.GaussianBlur(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), (0, 0), _BLUR)
     found: NDArray[np.bool_] = cv2.Canny(gray, _LOW, _HIGH, L2gradient=True) > 0
     return found
-
-
-def _shape(picture: Tensor) -> tuple[int, int]:
-    return _ROWS, round(_ROWS * picture.shape[2] / picture.shape[1])
 
 
 def _share_near(edges: NDArray[np.bool_], others: NDArray[np.bool_], reach: float) -> float:

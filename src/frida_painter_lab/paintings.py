@@ -1,6 +1,6 @@
 """Experiments that paint the same in several ways, and compare the paintings by several measures.
 
-Such an experiment is a row: scenes, ways to paint them, and measures of a painting. Every run is planned on a bare
+Such an experiment is a row: pictures, ways to paint them, and measures of a painting. Every run is planned on a bare
 canvas and painted in the virtual studio by PaintingRun. The common settings of all paintings are a RunSpec too.
 """
 
@@ -83,9 +83,7 @@ class StudioRun(Run):
 class Painted:
     """Painting of a run. Pictures are [3, rows, columns] of the planning image.
 
-    run: that made it
-    plan: the first plan
-    planned: picture of that plan
+    planned: picture of the first plan
     photograph: of the finished canvas
     truth: true canvas, which no camera sees
     seconds: of the CPU, for planning
@@ -93,8 +91,6 @@ class Painted:
         strokes
     """
 
-    run: PaintingRun
-    plan: Plan
     planned: Tensor
     photograph: Tensor
     truth: Tensor
@@ -102,55 +98,45 @@ class Painted:
     expected: Mapping[int, Tensor] = field(default_factory=dict)
 
 
-Goal = Sequence[Mapping[str, str | float]]
-"""Goal as in a goal file, as a template: {0.path} is the file of the first picture, {0.words} its name in words."""
-
-
 @dataclass(frozen=True)
 class PaintingWay:
-    """Way to paint a scene.
+    """Way to paint a picture.
 
     name: in tables
     than: name of the way that it is compared with; "" for none
-    goal, initial: of a scene's pictures; by default its first picture, and nothing to begin with
-    canvas: number of the picture that decides the orientation of the canvas
+    kind: of the goal
     changes: other fields of the RunSpec
     furniture: fields of StudioSettings that differ from the usual ones, such as `KNOWN_PLACEMENT`
     """
 
     name: str
     than: str = ""
-    goal: Goal = ({"image": "{0.path}"},)
-    initial: Goal = ()
-    canvas: int = 0
+    kind: str = "image"
     changes: Mapping[str, Any] = field(default_factory=dict)
     furniture: Mapping[str, Any] = field(default_factory=dict)
 
 
-Scene = tuple[Target, ...]
-"""Pictures of what is painted: a photograph or a drawing, and perhaps a style."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Experiment):
-    """Experiment that paints every scene in every way, once per seed.
+    """Experiment that paints every picture in every way, once per seed.
 
     FULL, QUICK: common settings of all paintings
-    PICTURES: fields with the pictures of a scene
-    LABELS: of these pictures
-    WAYS: ways to paint a scene
+    LABEL: of a picture
+    WAYS: ways to paint a picture
     MEASURES: names of the measures; True if more is better, False if less is; None if it is only told
     SHOWN: pictures of each painting on the sheet
+
+    photos: what is painted
     """
 
     FULL: ClassVar[RunSpec] = RunSpec.of(strokes=100, layers=1, colors=12, effort=0.3, replans=0)
     QUICK: ClassVar[RunSpec] = RunSpec.of(strokes=6, colors=3, render_height=64, effort=0.05, replans=0)
-    PICTURES: ClassVar[Sequence[str]] = ("photos",)
-    LABELS: ClassVar[Sequence[str]] = ("target",)
+    LABEL: ClassVar[str] = "target"
     WAYS: ClassVar[Sequence[PaintingWay]]
     MEASURES: ClassVar[Mapping[str, bool | None]]
     SHOWN: ClassVar[Sequence[str]] = ("painting",)
 
+    photos: tuple[Target, ...]
     seeds: tuple[int, ...] = (0,)
 
     @cached_property
@@ -163,53 +149,38 @@ class Comparison(Experiment):
         """Networks of the goals."""
         return EncoderRegistry(device=planning_device())
 
-    def scenes(self) -> Sequence[Scene]:
-        """Returns the scenes: all combinations of their pictures."""
-        found = (getattr(self, name) for name in self.PICTURES)
-        return list(product(*(several if isinstance(several, tuple) else (several,) for several in found)))
-
     def ways(self) -> Sequence[PaintingWay]:
         """Returns the ways."""
         return self.WAYS
 
     @abstractmethod
-    def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
+    def figures(self, painted: Painted, picture: Tensor, target: Target) -> Mapping[str, float]:
         """Returns the measures of a painting by their names.
 
         picture: photograph of the painting [3, H, W]
         """
 
     def runs(self) -> Sequence[StudioRun]:
-        """Returns a painting for each scene, seed and way."""
+        """Returns a painting for each picture, seed and way."""
         found = []
-        for scene, seed, way in product(self.scenes(), self.seeds, self.ways()):
-            labels = {**self.name_scene(scene), "seed": seed, "painted": way.name}
-            canvas = self.common.canvas.orient_like(*scene[way.canvas].picture.shape[1:])
-            goals = {
-                part: [
-                    {kind: value.format(*scene) if isinstance(value, str) else value for kind, value in item.items()}
-                    for item in items
-                ]
-                for part, items in (("goal", way.goal), ("initial", way.initial))
-            }
-            usual = {**goals, "seed": seed, "canvas": canvas, "fit": "crop", "film": False}
+        for target, seed, way in product(self.photos, self.seeds, self.ways()):
+            labels: Labels = {self.LABEL: target.name, "seed": seed, "painted": way.name}
+            canvas = self.common.canvas.orient_like(*target.picture.shape[1:])
+            goal = [{way.kind: str(target.path)}]
+            usual = {"goal": goal, "seed": seed, "canvas": canvas, "fit": "crop", "film": False}
             spec = self.common.with_values(**{**usual, **way.changes})
             found.append(StudioRun.of(labels, spec, way.furniture))
         return found
 
-    def name_scene(self, scene: Scene) -> dict[str, str | int]:
-        """Returns the labels of a scene."""
-        return {label: target.name for label, target in zip(self.LABELS, scene, strict=True)}
-
-    def scene_of(self, run: StudioRun) -> Scene:
+    def target_of(self, run: StudioRun) -> Target:
         """Returns what a run paints."""
-        return next(one for one in self.scenes() if self.name_scene(one).items() <= run.labels.items())
+        return next(one for one in self.photos if one.name == run[self.LABEL])
 
     def settings(self) -> Mapping[str, Value | Sequence[Value]]:
-        """Returns the scenes, the common settings of all paintings, and the seeds."""
-        spec, named = self.common, [self.name_scene(scene) for scene in self.scenes()]
+        """Returns the pictures, the common settings of all paintings, and the seeds."""
+        spec = self.common
         return {
-            **{label: [*dict.fromkeys(one[label] for one in named)] for label in self.LABELS},
+            self.LABEL: [*dict.fromkeys(one.name for one in self.photos)],
             "seeds": self.seeds,
             "brush": ", ".join(spec.brush_names),
             "canvas": str(spec.canvas),
@@ -225,14 +196,15 @@ class Comparison(Experiment):
         """Paints and judges a run."""
         assert isinstance(run, StudioRun)
         painted = self.paint(run, notify)
-        shown = {"simulated": painted.planned, "painting": painted.photograph, "canvas": painted.truth}
-        figures = self.figures(painted, painted.photograph, *self.scene_of(run))
+        shown = {"simulated": painted.planned, "painting": painted.photograph}
+        figures = self.figures(painted, painted.photograph, self.target_of(run))
         notify(Progress(1.0, f"{run.words}: measured"))
         return Measurement(figures, {name: shown[name] for name in self.SHOWN})
 
     def make_plan(self, run: StudioRun, opened: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
         """Returns the first plan of a run, and its simulated picture [3, rows, columns]."""
-        return make_first_plan(opened, tell)
+        plan = opened.plan(lambda step: tell(step.iteration / step.of))
+        return plan, opened.planner.expected(plan, opened.planner.bare)
 
     def paint(self, run: StudioRun, notify: Notify) -> Painted:
         """Plans and paints a run. Raises WeightsError if a network is missing."""
@@ -261,7 +233,7 @@ class Comparison(Experiment):
             photograph = opened.simulate(plan, studio.open).photograph
         rows, columns = planned.shape[1:]
         photograph, truth = (images.fit(one, rows, columns) for one in (photograph, studio.truth(rows)))
-        return Painted(opened, plan, planned, photograph, truth, seconds, expected)
+        return Painted(planned, photograph, truth, seconds, expected)
 
     def tables(self, results: Results) -> Sequence[ResultTable]:
         """Returns the means of each way, the differences between ways, and all paintings."""
@@ -293,13 +265,13 @@ class Comparison(Experiment):
         }
 
     def pictures(self, results: Results) -> Mapping[str, Tensor]:
-        """Returns a sheet of the first seed: a line for each scene."""
+        """Returns a sheet of the first seed: a line for each picture."""
         lines = []
         main = next(iter(self.MEASURES))
-        for scene in self.scenes():
-            cells = [Cell(one.picture, one.name) for one in scene]
+        for target in self.photos:
+            cells = [Cell(target.picture, target.name)]
             for way in self.ways():
-                found = results.one(**self.name_scene(scene), seed=self.seeds[0], painted=way.name)
+                found = results.one(**{self.LABEL: target.name}, seed=self.seeds[0], painted=way.name)
                 *before, last = self.SHOWN
                 cells += [Cell(found.pictures[name], name) for name in before]
                 cells.append(Cell(found.pictures[last], f"{way.name}: {main} {found.numbers[main]:.3g}"))
@@ -307,9 +279,3 @@ class Comparison(Experiment):
             cells = [Cell(images.fit(cell.picture, *size), cell.caption) for cell in cells]
             lines.append(FigureRow("", cells))
         return {self.NAME: page("", (), lines, width=260)}
-
-
-def make_first_plan(run: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
-    """Returns the plan of the run's own planner, and its picture."""
-    plan = run.plan(lambda step: tell(step.iteration / step.of))
-    return plan, run.planner.expected(plan, run.planner.bare)

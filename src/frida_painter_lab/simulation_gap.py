@@ -34,7 +34,6 @@ from frida_painter_lab.paintings import (
     PaintingWay,
     StudioRun,
     Tell,
-    make_first_plan,
 )
 from frida_painter_lab.soft_strokes import SoftPlanner, allow_any_stroke, as_plan, constrain_to_brush
 from frida_painter_lab.targets import Target
@@ -61,7 +60,6 @@ class Sim2Real(Comparison):
     }  # fmt: skip
     SHOWN = ("simulated", "painting")
 
-    photos: tuple[Target, ...]
     seeds: tuple[int, ...] = (0, 1, 2)
     strokes: int | None = None
 
@@ -74,11 +72,11 @@ class Sim2Real(Comparison):
     def make_plan(self, run: StudioRun, opened: PaintingRun, tell: Tell) -> tuple[Plan, Tensor]:
         """Plans with soft strokes, and converts them to strokes of the robot; ours plans as usual."""
         if run["painted"] == OURS:
-            return make_first_plan(opened, tell)
+            return super().make_plan(run, opened, tell)
         spec, model, bare = opened.spec, opened.planner.models[opened.planner.kinds[0]], opened.planner.bare
         held = run["painted"] == CONSTRAINED
         planner = SoftPlanner(
-            target=images.fit(self.scene_of(run)[0].picture, *bare.shape[1:]),
+            target=images.fit(self.target_of(run).picture, *bare.shape[1:]),
             size=spec.canvas,
             freedom=constrain_to_brush(model, spec.canvas) if held else allow_any_stroke(spec.canvas),
             colors=spec.colors if held else None,
@@ -89,9 +87,9 @@ class Sim2Real(Comparison):
         strokes, picture = planner.plan(spec.strokes)
         return as_plan(strokes, model, spec.canvas, spec.colors, bare, spec.seed), picture
 
-    def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
+    def figures(self, painted: Painted, picture: Tensor, target: Target) -> Mapping[str, float]:
         """Measures the distances between simulation, photograph of the painting, and target."""
-        wanted = images.fit(scene[0].picture, *picture.shape[1:])
+        wanted = images.fit(target.picture, *picture.shape[1:])
         pairs = ((painted.planned, picture), (painted.planned, wanted), (picture, wanted))
         return {name: mse(*pair) for name, pair in zip(self.MEASURES, pairs, strict=True)}
 
@@ -113,11 +111,9 @@ class Replanning(Comparison):
     TITLE = "A photograph painted with and without looking"
     FULL = RunSpec.of(strokes=195, layers=1, colors=12, replans=12)
     QUICK = RunSpec.of(strokes=9, colors=3, render_height=64, effort=0.05, replans=2)
-    PICTURES = ("photo",)
     MEASURES: ClassVar[Mapping[str, bool | None]] = {SIMILARITY: True}
     SHOWN = ("simulated", "painting")
 
-    photo: Target
     seeds: tuple[int, ...] = (0, 1, 2)
 
     def ways(self) -> Sequence[PaintingWay]:
@@ -140,13 +136,13 @@ class Replanning(Comparison):
     def _batch(self) -> int:
         return self.common.strokes // (self.common.replans + 1)
 
-    def figures(self, painted: Painted, picture: Tensor, *scene: Target) -> Mapping[str, float]:
+    def figures(self, painted: Painted, picture: Tensor, target: Target) -> Mapping[str, float]:
         """Measures how the expected picture differs from the first plan and the target, during the painting.
 
         The differences are given for certain numbers of strokes. Frames of a film come at slightly different
         numbers, so the values are interpolated.
         """
-        wanted = images.fit(scene[0].picture, *painted.planned.shape[1:])
+        wanted = images.fit(target.picture, *painted.planned.shape[1:])
         numbers = {SIMILARITY: psnr(painted.truth, wanted)}
         seen = sorted(painted.expected)
         for what, than in ((DEVIATION, painted.expected[0]), (ERROR, wanted)):

@@ -49,9 +49,6 @@ class SoftStrokes:
     def __len__(self) -> int:
         return len(self.points)
 
-    def __getitem__(self, index: Tensor | slice) -> Self:
-        return replace(self, **{name: tensor[index] for name, tensor in self.arrays().items()})
-
     def arrays(self) -> dict[str, Tensor]:
         """Returns the groups by name."""
         return {part.name: getattr(self, part.name) for part in fields(self)}

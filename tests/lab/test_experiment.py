@@ -143,7 +143,7 @@ def test_a_class_that_other_processes_cannot_import_is_refused_and_told_where_to
     [
         StrokesNeeded(quick=True, library=small_library(20), title="drawn", seeds=(3,)),
         Sim2Real(photos=load_shipped_targets(("cat", "coffee")), seeds=(1, 2), brush="fine"),
-        Replanning(photo=load_shipped_targets(("cat",))[0], seeds=(1,)),
+        Replanning(photos=load_shipped_targets(("cat",)), seeds=(1,)),
     ],
 )
 def test_another_process_finds_the_same_runs(asked: Experiment, tmp_path: Path) -> None:

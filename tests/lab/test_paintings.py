@@ -4,7 +4,6 @@ import runpy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,7 @@ from frida_painter_lab.paintings import KNOWN_PLACEMENT, Comparison, Painted, St
 from frida_painter_lab.simulation_gap import CONSTRAINED, DEVIATION, OURS, UNCONSTRAINED, Replanning, Sim2Real
 from frida_painter_lab.targets import PHOTOGRAPHS, SHIPPED, Target, load_shipped_targets, load_targets
 from support.networks import QuickEncoders
-from support.planning import CANVAS, picture, some_strokes
+from support.planning import picture
 
 SIZE = (60, 80)
 
@@ -39,11 +38,9 @@ class MadeUp:
     def __call__(self, experiment: Comparison, run: StudioRun, notify: Any) -> Painted:
         self.painted.append(run)
         planned = of_chance(run.labels.get("seed"))
-        plan = SimpleNamespace(strokes=some_strokes(6), canvas=CANVAS)
         painting = 0.8 * planned + 0.2 * of_chance(*run.labels.values())
         expected = {done: planned + 0.01 * done for done in range(0, run.spec.strokes + 1, 3)}
-        opened: Any = SimpleNamespace(forecast=lambda plan: SimpleNamespace(expected=6.5), spec=run.spec)
-        return Painted(opened, plan, planned, painting, painting, 1.5, expected)  # type: ignore[arg-type]
+        return Painted(planned, painting, painting, 1.5, expected)
 
 
 @pytest.fixture
@@ -80,7 +77,7 @@ def test_sim2real_compares_every_rival_with_ours_on_every_target(studio: MadeUp,
 
 
 def test_replanning_compares_four_ways_from_one_plan(studio: MadeUp, target: Any) -> None:
-    made = Replanning(quick=True, photo=target("cat"), seeds=(4,))
+    made = Replanning(quick=True, photos=(target("cat"),), seeds=(4,))
     outcome = made.run()
     means, differences, every = tables(outcome)
     assert made.points == [0, 3, 6, 9] and [row["than"] for row in differences] == [

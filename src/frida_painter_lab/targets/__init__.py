@@ -22,11 +22,6 @@ class Target:
     path: Path
     picture: Tensor
 
-    @property
-    def words(self) -> str:
-        """Name as words."""
-        return self.name.replace("-", " ").replace("_", " ")
-
     @classmethod
     def read(cls, path: Path) -> Self:
         """Returns the picture of a file, with the file's name. Raises ImageError."""
