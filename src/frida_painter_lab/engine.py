@@ -3,14 +3,16 @@
 A task is some runs of a folder, whose requests are in its files: only their keys travel to another process.
 """
 
+import json
 import math
 import os
 import queue
+import socket
 import threading
 import time
 import traceback
-from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -22,7 +24,6 @@ from frida_painter.system.python_process import in_own_process
 from frida_painter_lab.runs import Run
 
 _STARTING = 300.0  # seconds for a process to load, on a busy machine
-_MANY = 100  # tasks of a process at most
 
 
 @dataclass(frozen=True)
@@ -82,20 +83,20 @@ def slots_here(limits: TaskLimits, most: int | None = None) -> int:
 
 
 @in_own_process()
-def do_tasks(work: str, threads: int, tasks: tuple[tuple[str, ...], ...], tell: Callable[[int], None]) -> None:
-    """Does tasks, one after another. Raises the error of one that fails: TryFailed if it is no FridaError.
+def do_tasks(work: str, threads: int, asked: socket.socket, tell: Callable[[bool], None]) -> None:
+    """Does tasks until no more are asked for. Raises the error of one that fails: TryFailed if it is no FridaError.
 
     work: as MODULE:FUNCTION
-    tasks: folder of each, and the keys of its runs
-    tell: receives the number of tasks that are done, first 0 when all is loaded
+    asked: a line of JSON for each task: its folder, and the keys of its runs
+    tell: receives True after each task, and False when all is loaded
     """
     import torch
 
     name, _, function = work.partition(":")
     module = import_module(name)
     torch.set_num_threads(threads)
-    tell(0)
-    for number, (keep, *keys) in enumerate(tasks, 1):
+    tell(False)
+    for keep, *keys in map(json.loads, asked.makefile(encoding="utf-8")):
         try:
             getattr(module, function)(module.reopen(keep, keys))
         except ProcessLost as lost:  # of an easel: this process is not lost
@@ -106,12 +107,12 @@ def do_tasks(work: str, threads: int, tasks: tuple[tuple[str, ...], ...], tell: 
             last = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{Path(last.filename).name}, line {last.lineno}"
             raise TryFailed(f"{type(error).__name__}: {error} ({place})"[:500]) from error
-        tell(number)
+        tell(True)
 
 
 @dataclass(frozen=True)
 class Engine:
-    """Engine of processes on this machine, one for each slot. Each does many tasks, and ends with its parent.
+    """Engine of processes on this machine, one for each slot. They serve many tasks and end with their parent.
 
     slots: number of tasks at the same time
     """
@@ -124,19 +125,9 @@ class Engine:
 
         A WorkerUnfit error ends its task without further tries, because they would fail too.
         """
-        rest, done, over = deque(tasks), queue.SimpleQueue[Ended](), threading.Event()
-        taking, name = threading.Lock(), f"{work.__module__}:{work.__qualname__}"
-
-        def serve() -> None:
-            while True:
-                with taking:  # fewer at the end, so that no process has nothing to do
-                    count = min(_MANY, math.ceil(len(rest) / self.slots / 2))
-                    mine = deque(rest.popleft() for _ in range(count))
-                if not mine or over.is_set():
-                    return
-                self._do(name, mine, done, over)
-
-        threads = [threading.Thread(target=serve, daemon=True) for _ in range(self.slots)]
+        rest, done, over = iter([*tasks]), queue.SimpleQueue[Ended](), threading.Event()
+        given = f"{work.__module__}:{work.__qualname__}", rest, done, over
+        threads = [threading.Thread(target=self._serve, args=given, daemon=True) for _ in range(self.slots)]
         for thread in threads:
             thread.start()
         try:
@@ -147,27 +138,33 @@ class Engine:
             for thread in threads:
                 thread.join()
 
-    def _do(self, work: str, mine: deque[Share], done: queue.SimpleQueue[Ended], over: threading.Event) -> None:
-        """Does tasks in a process, and in another one after a failure; puts each into `done`."""
-        tried, until = 0, math.inf
+    def _serve(self, work: str, rest: Iterator[Share], done: queue.SimpleQueue[Ended], over: threading.Event) -> None:
+        """Does tasks of the rest in a process, and in another one after a failure; puts each into `done`."""
+        task, tried, until = next(rest, None), 0, math.inf
 
-        def hear(count: int) -> None:
-            nonlocal tried, until
+        def hear(is_done: bool) -> None:
+            nonlocal task, tried, until
             until = time.monotonic() + self.limits.seconds
-            if count:
-                tried = 0
-                done.put(Ended(mine.popleft()))
+            if is_done and task is not None:
+                done.put(Ended(task))
+                task, tried = next(rest, None), 0
+            with suppress(OSError):  # its death is told otherwise
+                if task is None:
+                    near.shutdown(socket.SHUT_RDWR)
+                else:
+                    near.sendall(json.dumps([task.keep, *task.keys]).encode() + b"\n")
 
         def heed() -> None:
             if over.is_set() or not time.monotonic() < until:
                 raise ProcessLost("It did not answer in time.")
 
-        while mine and not over.is_set():
+        while task is not None and not over.is_set():
             error: Exception | None = None
             until = began = time.monotonic() + _STARTING
+            near, far = operating_system.socket_pair()
             try:
-                keys = tuple((task.keep, *task.keys) for task in mine)
-                replace(do_tasks, heed=heed)(work, self.limits.threads, keys, hear)
+                with near, far:
+                    replace(do_tasks, heed=heed)(work, self.limits.threads, far, hear)
             except ProcessLost as lost:
                 error = TryFailed(
                     "Its process was killed: by the system for want of memory, by a person, or because the try "
@@ -179,6 +176,6 @@ class Engine:
                 error = unexpected
             tried += 1
             is_last = tried >= self.limits.tries or not isinstance(error, FridaError)
-            if mine and error is not None and (is_last or (until != began and isinstance(error, WorkerUnfit))):
-                done.put(Ended(mine.popleft(), error))
-                tried = 0
+            if task is not None and error and (is_last or (until != began and isinstance(error, WorkerUnfit))):
+                done.put(Ended(task, error))
+                task, tried = next(rest, None), 0

@@ -79,7 +79,7 @@ FUNCTIONS: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "frida_painter_words.picture_makers.pipeline_process:make_pictures": ({"task": PIPELINE}, "tell"),
     "frida_painter_lab.engine:do_tasks": (
-        {"work": "frida_painter_lab.sweeps.runner:perform", "threads": 1, "tasks": ()}, "tell"
+        {"work": "frida_painter_lab.sweeps.runner:perform", "threads": 1, "asked": "SOCKET"}, "tell"
     ),
     "frida_painter_cli.variants:make_variant": ({"name": "loose", "settings": "{}", "folder": Path("FOLDER")}, "error"),
     "frida_painter_studio.reader:decode_upload": ({"content": picture()}, "result"),
