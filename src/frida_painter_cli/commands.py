@@ -79,6 +79,8 @@ _LISTED = {
         "test it."
     },
     f"{_CALIBRATION}.calibrate": {
+        "markers": "Write a sheet to print and cut: markers around the canvas, with which one photograph calibrates "
+        "the camera.",
         "calibrate": "Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and "
         "its strokes.",
         "doctor": "Show what the robot's controller tells, the state of the calibration, and the parts there are.",

@@ -164,19 +164,23 @@ class ColorFit:
     held_out: Tensor
 
 
-def fit_color(perceived: Tensor, true: Tensor) -> ColorFit:
+def fit_color(perceived: Tensor, true: Tensor, *, stray: bool = True) -> ColorFit:
     """Fits the map to n colours, n >= 6.
 
     perceived, true [n, 3]: linear light
+    stray: False if the true colours are too uncertain to tell stray light
     The fit is by least squares with a larger weight for dark colours, as for the eye. The map has an offset
     (stray light) only if that clearly improves held-out colours. Otherwise an offset would follow the errors of
     the few dark patches and spoil darker colours.
     """
-    plain, stray = (_fit(perceived.double(), true.double(), offset) for offset in (False, True))
-    return stray if float(stray.held_out.mean()) < _WORTH_IT * float(plain.held_out.mean()) else plain
+    plain = _fit(perceived.double(), true.double(), offset=False)
+    if not stray:
+        return plain
+    moved = _fit(perceived.double(), true.double(), offset=True)
+    return moved if float(moved.held_out.mean()) < _WORTH_IT * float(plain.held_out.mean()) else plain
 
 
-def _fit(perceived: Tensor, true: Tensor, offset: bool) -> ColorFit:
+def _fit(perceived: Tensor, true: Tensor, *, offset: bool) -> ColorFit:
     affine, known, alone = _affine(perceived, true, offset), to_srgb(true), []
     for rest, one in zip(~torch.eye(len(true), dtype=torch.bool), perceived, strict=True):
         without = _affine(perceived[rest], true[rest], offset)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
+import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from frida_painter.calibration import BareCanvas, Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import PixelGrid
-from frida_painter.perception.rectify import photographed_pixels, rectify, require_photograph
+from frida_painter.perception.rectify import photographed_pixels, rectified_pixels, rectify, require_photograph
 from frida_painter.strokes.palette import to_lab
 from frida_painter.strokes.plan import WHITE
 from frida_painter.system.images import light_of_bytes, to_linear, to_srgb
@@ -29,6 +30,7 @@ _SAMPLES = 128
 _RENEWING_SAMPLES = 40
 _RENEWING_DEGREE = 3
 _MIN_BARE = 0.05
+_MIN_FREE = 0.1
 
 
 @dataclass(frozen=True)
@@ -51,11 +53,12 @@ class FlatField:
         return cls(logarithm)
 
     @classmethod
-    def learn(cls, bare: Tensor, ground: tuple[float, float, float]) -> Self:
+    def learn(cls, bare: Tensor, ground: tuple[float, float, float], free: Tensor | None = None) -> Self:
         """Learns the field from a rectified photograph of the bare canvas.
 
         bare [3, H, W]: the photograph, sRGB
         ground: true colour of the canvas, sRGB
+        free [H, W]: 1 for a pixel on which nothing lies, else 0; None if nothing lies on the canvas
         Specks and pencil lines do not matter. Raises FrameRejected if the photograph is too dark or
         overexposed, or the canvas is not bare.
         """
@@ -67,6 +70,15 @@ class FlatField:
             raise FrameRejected("The photograph of the bare canvas is overexposed; bring less light or expose shorter.")
         seen = pooled.flatten(1).clamp(min=1e-4).log()  # [3, samples]
         terms = _terms(*pooled.shape[1:]).to(seen)  # [samples, terms]
+        if free is not None:
+            known = (functional.avg_pool2d(free[None].float(), step)[0] == 1).flatten()
+            shows = float(known.double().mean())
+            if not shows >= _MIN_FREE:
+                raise FrameRejected(
+                    f"What lies on the canvas covers all but {shows:.0%} of it, and {_MIN_FREE:.0%} must show, for the "
+                    "light is judged by it; lay it further aside, or take a smaller one."
+                )
+            seen, terms = seen[:, known], terms[known]
         logarithm, residual = _fit(terms, seen)
         if not residual <= _MAX_RESIDUAL:
             raise FrameRejected(
@@ -170,12 +182,21 @@ _CELLS = 24  # rows and columns of squares in the test of a bare canvas
 _UNLIKE, _MAX_TOUCHED = 9.0, 0.02  # CIELAB difference of another colour, and the largest share of specks
 
 
-def bare_canvas(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> BareCanvas:
+def bare_canvas(
+    photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize, card: NDArray[np.float64] | None = None
+) -> BareCanvas:
     """Returns the light measurements of a photograph [H, W, 3] of a bare white canvas.
 
+    card [k, 2]: outline in the photograph of what lies on the canvas, (column, row); None if nothing does
     Raises FrameRejected if the photograph is unusable.
     """
-    light = FlatField.learn(rectify(photograph, calibration, PixelGrid.of_height(size, _ROWS)), WHITE)
+    grid = PixelGrid.of_height(size, _ROWS)
+    free = None
+    if card is not None:
+        covered = np.zeros((grid.rows, grid.columns), np.uint8)
+        outline = rectified_pixels(card, calibration, grid).round().astype(np.int32)
+        free = torch.from_numpy(cv2.fillPoly(covered, [outline], 1) == 0)
+    light = FlatField.learn(rectify(photograph, calibration, grid), WHITE, free)
     seen = _margin(photograph, calibration, size)
     margin = tuple(None if np.isnan(place).any() else tuple(place.tolist()) for place in seen)
     return BareCanvas(tuple(map(tuple, light.logarithm.tolist())), margin)

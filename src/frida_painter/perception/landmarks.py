@@ -1,7 +1,7 @@
 """Detection in photographs: the outline of the canvas, and new dots of paint."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from frida_painter.calibration import Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens, PixelGrid
+from frida_painter.perception.markers import MarkedCanvas, find_marks, read_pieces
 from frida_painter.system.images import light_of_bytes, to_linear
 
 # Outline of the canvas with subpixel accuracy, and distortion of the lens
@@ -43,14 +44,16 @@ class Outline:
 
     corners: four corners clockwise from the first given one, (column, row), distorted
     lens: distortion; None if it is not measurable
-    support: share of the places of a side with a visible edge, for the worst side
+    support: share of the places of a side with a visible edge, for the worst side; 0 if only the pieces tell
     residual: root mean square distance of these places from straight lines, in pixels
+    marked: the canvas by the printed pieces at its corners; None if there are none
     """
 
     corners: Corners
     lens: Lens | None
     support: float
     residual: float
+    marked: MarkedCanvas | None = None
 
 
 def trace_outline(photograph: NDArray[np.uint8], corners: Corners, reach: float) -> Outline | None:
@@ -204,6 +207,7 @@ _MIN_SUPPORT = 0.5
 _PLAIN = 0.97  # support at which the search ends
 _ODDEST_SHAPE = 1.4  # largest ratio of the apparent to the true proportions, by perspective
 _DARK = 0.01
+_BESIDE_PIECES = (0.0025, 0.008)  # metres; edges are searched so near, and farther for a thick canvas
 
 _HELP = "clear the table, even out the light, or point at the four corners yourself"
 
@@ -211,9 +215,12 @@ _HELP = "clear the table, even out the light, or point at the four corners yours
 def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
     """Returns the canvas outline in a photograph [rows, columns, 3] (uint8 sRGB), corners from the top left.
 
-    Candidates are quadrilaterals that differ from the table around them by one of several criteria. The one
-    with the best visible edges wins. Raises CalibrationError if there is none.
+    Printed pieces at the corners tell where they are, and which is the top left. Without pieces, candidates are
+    quadrilaterals that differ from the table around them by one of several criteria; the one with the best visible
+    edges wins. Raises CalibrationError if there is none, or if the pieces lie wrong.
     """
+    if (marked := _trace_marked(photograph, size)) is not None:
+        return marked
     reach = _REACH * float(np.hypot(*photograph.shape[:2]))
     best: Outline | None = None
     seen: list[NDArray[np.float64]] = []
@@ -235,6 +242,28 @@ def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
             f"The canvas of {size} cannot be told from what is around it in the photograph ({shown}); {_HELP}."
         )
     return trace_outline(photograph, best.corners, _FINELY) or best
+
+
+def _trace_marked(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline | None:
+    """Returns the outline near the printed pieces; that of the pieces alone if the edges do not show.
+
+    None if there are no pieces. Raises CalibrationError.
+    """
+    marks = find_marks(photograph)
+    rough = read_pieces(marks, photograph.shape, size, None)
+    if rough is None:
+        return None
+    sides = np.linalg.norm(np.roll(rough.corners, -1, 0) - rough.corners, axis=1)
+    pixels = float(sides.sum()) / (2 * (size.width + size.height))
+    corners = tuple(map(tuple, rough.corners.tolist()))
+    for reach in _BESIDE_PIECES:
+        near = trace_outline(photograph, corners, max(_FINELY, reach * pixels))
+        if near is not None and near.support >= _MIN_SUPPORT:
+            exact = read_pieces(marks, photograph.shape, size, near.lens)
+            assert exact is not None
+            exact.require_size(size)
+            return replace(near, marked=exact)
+    return Outline(corners, None, 0.0, rough.off * pixels, rough)
 
 
 def _candidates(photograph: NDArray[np.uint8]) -> Iterator[NDArray[np.float64]]:

@@ -1,6 +1,7 @@
 """Camera of the studio: perspective, lens, uneven light, a colour cast, noise, and eight bits of sRGB."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -15,7 +16,7 @@ from frida_painter.hardware.robot import Frame
 from frida_painter.virtual.paint import to_linear, to_srgb
 from frida_painter.virtual.robot import Clock
 from frida_painter.virtual.simulation_log import Note, ignore_entry
-from frida_painter.virtual.tabletop import Table
+from frida_painter.virtual.tabletop import Checker, Table
 
 # Obstacles between the camera and the canvas: a person's hand, or the glare of a lamp.
 
@@ -174,6 +175,13 @@ class VirtualCamera:
         if exposed:
             self._grain()
 
+    def push(self, right: float, up: float, turn: float = 0.0) -> None:
+        """Moves the camera over the table, in mm, and turns it about the canvas's middle, in radians."""
+        middle = np.array([self._table.canvas.width, self._table.canvas.height]) / 2
+        cos, sin = math.cos(turn), math.sin(turn)
+        turned = (self._to_canvas - middle) @ np.array([[cos, sin], [-sin, cos]]) + middle + (right, up)
+        self._to_canvas = turned.astype(np.float32)
+
     def _expose(self, number: int) -> NDArray[np.uint8]:
         scene = self._scene()
         blur = self.faults.blur_of(number) * scene.shape[1]
@@ -195,9 +203,10 @@ class VirtualCamera:
 
     def _scene(self) -> NDArray[np.float32]:
         """Returns the linear reflectance at each pixel [rows, columns, 3]; valid until the next call."""
-        canvas, knock, checker = self._table.canvas, self._table.knock, self._table.checker
+        canvas, knock = self._table.canvas, self._table.knock
         scene = self._pixels
         scene[:] = self._bare_row
+        self._lay_cards(self._table.under, scene)
         # Current position of the canvas: table (mm) -> cells.
         cos, sin = math.cos(knock.turn), math.sin(knock.turn)
         center = np.array([canvas.width, canvas.height]) / 2
@@ -206,10 +215,14 @@ class VirtualCamera:
         # The last cells of a canvas may reach beyond its edge.
         whole = (canvas.height / canvas.cell, canvas.width / canvas.cell)
         _lay(canvas.reflectance(), whole, self._to_canvas, np.c_[back, shift].astype(np.float32), scene)
-        if checker is not None:
-            shape = (float(checker.looks.shape[0]), float(checker.looks.shape[1]))
-            _lay(checker.looks, shape, self._to_canvas, checker.cells().astype(np.float32), scene)
+        checker = self._table.checker
+        self._lay_cards((*self._table.over, *([] if checker is None else [checker])), scene)
         return scene
+
+    def _lay_cards(self, cards: Iterable[Checker], scene: NDArray[np.float32]) -> None:
+        for card in cards:
+            shape = (float(card.looks.shape[0]), float(card.looks.shape[1]))
+            _lay(card.looks, shape, self._to_canvas, card.cells().astype(np.float32), scene)
 
     def _show_arm(self, image: NDArray[np.uint8]) -> None:
         """Draws the arm into the picture if it is not at the home position."""

@@ -132,6 +132,7 @@ class Table:
     knock: displacement of the canvas by accident.
     tip, base: positions of the brush and of the robot's base, mm on the canvas.
     checker: colour checker on the canvas, if any.
+    under, over: printed papers whose edges lie below the canvas, and on it.
     note: called for every motion.
     """
 
@@ -145,6 +146,8 @@ class Table:
         self.touches = self.dips = 0
         self.knock = PlacementError((0.0, 0.0), 0.0)
         self.checker: Checker | None = None
+        self.under: tuple[Checker, ...] = ()
+        self.over: tuple[Checker, ...] = ()
         self.note: Note = ignore_entry
         self._felt: list[Bump] = []
         self._workspace, self._touch_height = workspace, touch_height

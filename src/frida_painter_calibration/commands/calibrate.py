@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from frida_painter.brush import FEWEST_STROKES, MAX_BETWEEN_REFILLS, MAX_STROKES
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import state_folder
 from frida_painter.errors import ConfigError, Interrupted, RobotStopped, StorageError
 from frida_painter.hardware.latch import latches
 from frida_painter.registry import Later
-from frida_painter.runs.options import setting_option, taking, whole_number_option, with_fields
+from frida_painter.runs.options import out_file, setting_option, taking, whole_number_option, with_fields
 from frida_painter_calibration.options import EaselOptions, SurfaceOptions
 
 if TYPE_CHECKING:
@@ -105,6 +106,25 @@ def calibrate(
             if finding.picture is not None:
                 print(f"  {setup.beside(name, 'png')}")
     print(f"The record: {path}")
+
+
+def markers(
+    canvas: Annotated[
+        CanvasSize, taking("SIZE", "Canvas size, width x height, in in, cm or mm, or a name.", parser=CanvasSize.parse)
+    ],
+    paper: Annotated[str, taking("SIZE", "Paper of the printer: A4 or letter.")] = "A4",
+    out: Annotated[Path, taking("FILE", "The PDF to write.", parser=out_file)] = Path("markers.pdf"),
+) -> None:
+    """Write a sheet to print and cut: markers around the canvas, with which one photograph calibrates the camera.
+
+    The pieces lie at the canvas's corners and stay there. Then every photograph tells by itself where the canvas is,
+    also one of a telephone, and whether camera or canvas was moved. Without a sheet all of it works by the canvas's
+    edges.
+    """
+    from frida_painter_calibration.marker_sheet import write_marker_sheet
+
+    write_marker_sheet(out, canvas, CanvasSize.parse(paper))
+    print(f"Print {out} at 100 %; it says what to do with the pieces.")
 
 
 def _take_proposal(question: "Question") -> "Answer":
@@ -220,6 +240,7 @@ def parts(
 
 def register(app: typer.Typer) -> None:
     """Adds the commands."""
+    app.command("markers")(markers)
     app.command("calibrate")(with_fields(calibrate))
     app.command("doctor")(with_fields(doctor))
     app.command("parts")(parts)

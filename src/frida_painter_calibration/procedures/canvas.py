@@ -7,15 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import Tensor
 
-from frida_painter.calibration import Corners
+from frida_painter.calibration import Calibration, Corners
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Finding, PointCorners, Procedure
 from frida_painter.errors import CalibrationError, FrameRejected
 from frida_painter.frames import Lens
 from frida_painter.hardware.easel import Easel
+from frida_painter.perception import markers
+from frida_painter.perception.color import find_checker
 from frida_painter.perception.flatfield import bare_canvas
 from frida_painter.perception.landmarks import Outline, find_canvas, trace_outline
 from frida_painter.system.images import from_uint8
 from frida_painter.system.sheet import CREAM, Grid, Sheet
+from frida_painter_calibration.procedures.color import read_card, read_chart
 from frida_painter_calibration.procedures.paper import EaselAccess, require_four
 
 POINTING = 2.0
@@ -39,10 +43,16 @@ def canvas(easel: Easel) -> Procedure[Finding]:
         found = find_canvas(frame, easel.canvas)
     except CalibrationError as reason:
         unseen = f" {reason}"
-    answer = yield PointCorners(
-        f"Where are the canvas's corners? Top left, top right, bottom right, bottom left.{unseen}",
-        from_uint8(frame),
-        None if found is None else found.corners,
+    answer = (
+        found.corners
+        if found is not None and found.marked is not None
+        else (
+            yield PointCorners(
+                f"Where are the canvas's corners? Top left, top right, bottom right, bottom left.{unseen}",
+                from_uint8(frame),
+                None if found is None else found.corners,
+            )
+        )
     )
     if found is not None and answer == found.corners:
         outline, how = found, f"by its edges, each seen over at least {found.support:.0%} of its length"
@@ -50,16 +60,16 @@ def canvas(easel: Easel) -> Procedure[Finding]:
         outline, how = _outline_from_points(frame, _read_corners(answer, frame.shape, unseen)), "where you pointed"
     rows, columns = frame.shape[:2]
     seen = replace(easel.calibration, corners=outline.corners, photograph=(rows, columns), lens=outline.lens)
+    colors, card = _read_colors(seen, easel.canvas, frame, outline)
     bare, light = None, "It is not bare, so that no painting can begin on a canvas that is painted already."
     try:
-        bare = bare_canvas(frame, seen, easel.canvas)
+        bare = bare_canvas(frame, seen, easel.canvas, card)
         light = "It is bare, and what the light does is known from now on."
     except FrameRejected:
         pass
-    return Finding(
-        f"The canvas was found {how}, to {outline.residual:.2f} pixels. {_describe_lens(outline.lens)} {light}",
-        draw_corners(frame, outline),
-        lambda record: record.with_canvas(
+
+    def enter(record: Calibration) -> Calibration:
+        known = record.with_canvas(
             outline.corners,
             (rows, columns),
             camera=easel.calibration.camera,
@@ -67,8 +77,46 @@ def canvas(easel: Easel) -> Procedure[Finding]:
             residual=outline.residual,
             lens=outline.lens,
             bare=bare,
-        ),
-    )
+        )
+        return known if colors is None else colors.enter(known)
+
+    said = [
+        f"The canvas was found {how}, to {outline.residual:.2f} pixels.",
+        *([] if outline.marked is None else [_describe_pieces(outline, easel.canvas)]),
+        _describe_lens(outline.lens),
+        light,
+        *([] if colors is None else [colors.sentence]),
+    ]
+    return Finding(" ".join(said), draw_corners(frame, outline), enter)
+
+
+def _read_colors(
+    seen: Calibration, canvas: CanvasSize, frame: NDArray[np.uint8], outline: Outline
+) -> tuple[Finding | None, NDArray[np.float64] | None]:
+    """Returns what the card of colours or a person's checker tells, and its outline, in a photograph with pieces."""
+    if outline.marked is None:
+        return None, None
+    card = markers.read_card(frame, outline.marked.marks)
+    if card is not None:
+        return read_card(card), card.outline
+    chart = find_checker(frame)
+    return (None, None) if chart is None else read_chart(seen, canvas, frame, chart)
+
+
+def _describe_pieces(outline: Outline, size: CanvasSize) -> str:
+    """Returns how the pieces lie: their print, and their distances from the edges if these are seen."""
+    marked = outline.marked
+    assert marked is not None
+    covered = f" ({', '.join(marked.missing)} is covered; three are enough)" if marked.missing else ""
+    if not outline.support:
+        return (
+            f"Its edges do not show, so its corners are where the pieces{covered} are: put each well into its corner."
+        )
+    beside = np.linalg.norm(marked.corners - np.array(outline.corners), axis=1)
+    sides = np.linalg.norm(np.roll(marked.corners, -1, 0) - marked.corners, axis=1)
+    far = beside * 2 * (size.width + size.height) / float(sides.sum())
+    scale = (size.width / marked.printed[0] + size.height / marked.printed[1]) / 2
+    return f"The pieces{covered} lie within {1000 * far.max():.1f} mm of it, printed at {scale:.1%}."
 
 
 def _describe_lens(lens: Lens | None) -> str:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.calibration import Calibration
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import Confirm, Finding, PointCorners, Procedure
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import PixelGrid
@@ -21,10 +22,10 @@ from frida_painter.perception.color import (
     read_checker,
     true_colors,
 )
-from frida_painter.perception.flatfield import FlatField
-from frida_painter.perception.rectify import rectified_pixels, rectify
+from frida_painter.perception.flatfield import FlatField, bare_canvas
+from frida_painter.perception.markers import PATCHES, CardReading
+from frida_painter.perception.rectify import rectified_pixels
 from frida_painter.strokes.palette import difference
-from frida_painter.strokes.plan import WHITE
 from frida_painter.system.images import from_uint8, to_linear, to_srgb
 from frida_painter.system.sheet import CREAM, SOFT, Grid, Sheet, to_bytes
 from frida_painter_calibration.procedures.paper import EaselAccess, require_four
@@ -35,24 +36,18 @@ _MAX_BLOWN_OUT = 0.05
 _MAX_UNEVEN = 0.12
 _DIMMEST_WHITE = 0.08
 _COLOR_ROWS = 240
-_MIN_BARE = 0.1
-_MAX_OFF_WHITE = 0.05
-_NOTABLE_CHANGE = 0.05
+_USUAL_INKS, _WORST_INKS, _CLEARLY, _WHITES = 6.0, 14.0, 0.9, 8
 # Greatest size of a card with its rim and shadow, relative to the block of its patches' middles.
 _CARD = 1.75
 
 
 def color(easel: Easel) -> Procedure[Finding]:
-    """Photographs the bare white canvas, then a 24-patch colour checker on it, and fits the correction of colours.
+    """Photographs a 24-patch colour checker on the bare white canvas, and fits the correction of colours.
 
-    Raises CalibrationError if there is no chart or the map would be wrong, FrameRejected if the canvas is not bare,
-    CameraError.
+    Raises CalibrationError if there is no chart or the map would be wrong, FrameRejected if the canvas around it is
+    not bare, CameraError.
     """
-    away, bare = easel.operator.take_checker_away(), easel.operator.lay_paper()  # the robot procedure painted dots
-    if not (away and bare):
-        yield Confirm("Is the canvas bare, with nothing lying on it?")
-    access, grid = EaselAccess(easel), PixelGrid.of_height(easel.canvas, _COLOR_ROWS)
-    field = FlatField.learn(rectify(access.photograph().image, easel.calibration, grid), WHITE)
+    easel.operator.lay_paper()  # the robot procedure painted dots
     if not easel.operator.lay_checker():
         there = yield Confirm(
             "Lay the colour checker (24 patches) flat on the canvas, in any direction, so that some bare canvas "
@@ -60,30 +55,35 @@ def color(easel: Easel) -> Procedure[Finding]:
         )
         if there is not True:
             raise CalibrationError("Without a colour checker colours stay as the camera sees them; repeat with one.")
-    frame = access.photograph().image
+    frame = EaselAccess(easel).photograph().image
     gone = easel.operator.take_checker_away()
     corners = yield PointCorners(
         "Are these the middles of the dark brown, turquoise, black and white corner patches?",
         from_uint8(frame),
         find_checker(frame),
     )
-    finding = _read_photograph(easel.calibration, grid, field, frame, corners)
+    finding = read_chart(easel.calibration, easel.canvas, frame, corners)[0]
     if not gone:
         yield Confirm("Take the colour checker away again. Is the canvas free?")
     return finding
 
 
-def _read_photograph(
-    record: Calibration, grid: PixelGrid, field: FlatField, frame: NDArray[np.uint8], corners: object
-) -> Finding:
-    """Returns the result of the photograph of the checker. Raises CalibrationError."""
+def read_chart(
+    record: Calibration, canvas: CanvasSize, frame: NDArray[np.uint8], corners: object
+) -> tuple[Finding, NDArray[np.float64]]:
+    """Returns what a checker on the bare canvas tells, and the outline [4, 2] of what it may cover.
+
+    corners: middles of its corner patches, (column, row) in the photograph
+    Raises CalibrationError, and FrameRejected if the canvas around it is not bare.
+    """
     readings, middles = _read_patches(frame, corners)
     _check(readings)
-    renewed = _refit_light(field, rectify(frame, record, grid), rectified_pixels(middles, record, grid))
+    outline = middles.mean(0) + _CARD * (middles - middles.mean(0))
+    light = FlatField.of(bare_canvas(frame, record, canvas, outline).light)
+    grid = PixelGrid.of_height(canvas, _COLOR_ROWS)
     place = rectified_pixels(readings.place.double().numpy(), record, grid).round().astype(int)
     column, row = place.clip(0, (grid.columns - 1, grid.rows - 1)).T
-    before, now = (known.light(grid.rows, grid.columns).double()[:, row, column].T for known in (field, renewed))
-    even = readings.light / now
+    even = readings.light / light.light(grid.rows, grid.columns).double()[:, row, column].T
     fits = [(fit_color(even, true_colors(edition)), true_colors(edition)) for edition in EDITIONS]
     fit, true = min(fits, key=lambda one: float(one[0].held_out.mean()))
     held_out, affine = fit.held_out, fit.affine
@@ -96,15 +96,44 @@ def _read_photograph(
             f"allowed (worst: {NAMES[worst]}). Is it a chart of the 24 classic colours, clean and flat, in the light "
             "of the painting alone? Repeat the color calibration."
         )
-    change = float((now / before - 1).abs().mean())
-    changed = f" The light had changed by {change:.0%} meanwhile; that was taken out." * (change > _NOTABLE_CHANGE)
     photographed = float(difference(to_srgb(readings.light), to_srgb(true)).mean())
-    return Finding(
+    finding = Finding(
         f"Corrected colours are {mean:.1f} CIEDE2000 off on average (patches that the fit did not see; at worst "
         f"{held_out[worst]:.1f}, {NAMES[worst]}); as photographed they were {photographed:.1f} off, in even light "
-        f"{fit.before.mean():.1f}.{changed}",
+        f"{fit.before.mean():.1f}.",
         draw_checker(frame, readings, affine, even, true, held_out),
         lambda known: known.with_color(tuple(map(tuple, affine.tolist())), residual=mean),
+    )
+    return finding, outline
+
+
+def read_card(card: CardReading) -> Finding:
+    """Returns what the printed card of colours tells.
+
+    Printers' inks are several CIEDE2000 off, and pale inks look like a camera whose bands leak. So its map counts only
+    if the patches are farther off than inks are, and the map explains that. Raises CalibrationError if its colours are strange.
+    """
+    white = torch.ones(_WHITES, 3, dtype=torch.float64)  # white stays white
+    seen = torch.cat((torch.from_numpy(card.light), white))
+    meant = torch.cat((to_linear(torch.tensor(PATCHES, dtype=torch.float64)), white))
+    fit = fit_color(seen, meant, stray=False)
+    before, after = (float(off[: len(PATCHES)].mean()) for off in (fit.before, fit.held_out))
+    if not min(before, after) <= _WORST_INKS:
+        raise CalibrationError(
+            f"The card's colours are {min(before, after):.0f} CIEDE2000 off, and at most {_WORST_INKS:g} are allowed: "
+            "it is printed in grey or with an empty ink, or lies in a shadow. Print it anew, or use a colour checker."
+        )
+    if before <= _USUAL_INKS or not after <= _CLEARLY * before:
+        return Finding(
+            f"The card's colours look right in even light, to {before:.1f} CIEDE2000, as well as inks print them; the "
+            "camera's colours are kept.",
+            None,
+            lambda known: known.with_color(tuple(map(tuple, torch.eye(3, 4).tolist())), residual=before),
+        )
+    return Finding(
+        f"The card's colours are {after:.1f} CIEDE2000 off with the correction, {before:.1f} without.",
+        None,
+        lambda known: known.with_color(tuple(map(tuple, fit.affine.tolist())), residual=after),
     )
 
 
@@ -149,33 +178,6 @@ def _check(readings: PatchReadings) -> None:
             "a reflection, a shadow or dirt on the checker, or its corners are not where they were pointed at. Mend "
             "that and repeat the color calibration."
         )
-
-
-def _refit_light(field: FlatField, picture: Tensor, chart: NDArray[np.float64]) -> FlatField:
-    """Returns the light on the checker, from the canvas around it. Raises CalibrationError.
-
-    picture: [3, h, w], the rectified photograph
-    chart: [4, 2], middles of the corner patches in it
-    """
-    rows, columns = picture.shape[1:]
-    outline = chart.mean(0) + _CARD * (chart - chart.mean(0))
-    covered = cv2.fillConvexPoly(np.zeros((rows, columns), np.uint8), outline.round().astype(np.int32), 1)
-    bare = torch.from_numpy(covered == 0)
-    shows = float(bare.double().mean())
-    if not shows >= _MIN_BARE:
-        raise CalibrationError(
-            f"The checker covers all but {shows:.0%} of the canvas, and {_MIN_BARE:.0%} must show, for the light is "
-            "judged by it. Lay it further aside or take a smaller one, and repeat the color calibration."
-        )
-    light = to_linear(picture)
-    renewed = field.refit(light, bare, WHITE)
-    off = float((light / renewed.light(rows, columns) - 1).abs()[:, bare].median())
-    if not off <= _MAX_OFF_WHITE:
-        raise CalibrationError(
-            f"The canvas around the checker looks {off:.0%} different from the bare canvas in any even light; "
-            f"{_MAX_OFF_WHITE:.0%} is allowed. Leave camera and canvas as they are, and repeat the color calibration."
-        )
-    return renewed
 
 
 # Picture of a colour calibration: the checker in the photograph, and each patch as seen, mapped and true.
