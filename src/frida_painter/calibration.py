@@ -270,6 +270,7 @@ class Calibration:
     protrusion: length of the brush outside its holder in metres
     library, weights: stroke library of the painted strokes, and the stroke model learned from it
     bare: measurements of a bare canvas; None if there are none
+    markers: number and corners of each printed marker around the canvas, in pixels of the photograph
     surface: height map of an uneven canvas; None if it is flat
     wet: how wet paints mix on the canvas; None if no painting has shown it
     done: finished procedures by name
@@ -295,6 +296,7 @@ class Calibration:
     library: LearnedFile | None = None
     weights: LearnedFile | None = None
     bare: BareCanvas | None = None
+    markers: Matrix = ()
     surface: SurfaceMap | None = None
     wet: WetPaint | None = None
     done: Mapping[str, Done] = field(default_factory=dict)
@@ -320,6 +322,8 @@ class Calibration:
             )
         if placement.shape != (3, 3) or not np.isfinite(placement).all() or not np.linalg.det(placement) > 1e-6:
             return "The placement homography is singular or mirrored; repeat the robot calibration."
+        if not all(len(row) == 9 and np.isfinite(row).all() for row in self.markers):
+            return "The record's markers are not numbers with four corners each; repeat the canvas calibration."
         if color.shape != (3, 4) or not np.isfinite(color).all():
             return "The colour correction is not a finite 3 x 4 map; repeat the color calibration."
         if not -np.inf < self.press_height < self.touch_height < np.inf:
@@ -435,7 +439,7 @@ class Calibration:
         surface = self.surface if canvas == self.canvas else None
         found = replace(
             self, corners=corners, photograph=photograph, camera=camera, canvas=canvas, lens=lens, bare=bare,
-            surface=surface,
+            surface=surface, markers=(),
         )  # fmt: skip
         return found._with_done("canvas", residual)
 

@@ -37,7 +37,7 @@ class _Page:
     """Page that is drawn in millimetres."""
 
     def __init__(self, paper: CanvasSize) -> None:
-        self.sheet = Sheet(*(round(1000 * side * _MM) for side in (paper.width, paper.height)))
+        self.sheet = Sheet(round(1000 * paper.width * _MM), round(1000 * paper.height * _MM))
 
     def box(self, left: float, top: float, right: float, bottom: float, fill: tuple[int, ...] | None = None) -> None:
         """Fills a rectangle, or draws its outline."""

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from frida_painter.calibration import Calibration, Matrix
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens
+from frida_painter.perception.rectify import pixels_per_metre
 from frida_painter.perception.registration import PaperEdge
 from frida_painter.system.images import light_of_bytes
 
@@ -66,7 +68,7 @@ def find_marks(photograph: NDArray[np.uint8]) -> Marks:
 
     Raises CalibrationError if a marker is there twice, or if the photograph is mirrored.
     """
-    grey = cv2.cvtColor(photograph, cv2.COLOR_RGB2GRAY)
+    grey = np.asarray(cv2.cvtColor(photograph, cv2.COLOR_RGB2GRAY), np.uint8)
     numbers, corners = _detect(grey)
     if len(set(numbers)) < len(numbers):
         twice = next(number for number in numbers if numbers.count(number) > 1)
@@ -197,7 +199,7 @@ def _fit(
     sign = _SIGNS[[number % 4 for number in numbers]]
     seen = np.array([pieces[number] for number in numbers])
     start = np.array([size.width, size.height])
-    scale = float(np.hypot(*shape[:2]))
+    scale = float(np.hypot(shape[0], shape[1]))
 
     def places(sides: NDArray[np.float64]) -> NDArray[np.float64]:
         return (sign * sides / 2)[:, None] + offset
@@ -220,6 +222,56 @@ def _fit(
     wide, high = (start * np.exp(known.x[8:])).tolist()
     back = cv2.perspectiveTransform(seen.reshape(1, -1, 2), np.linalg.inv(view))[0].reshape(-1, 4, 2)
     return view, (wide, high), dict(zip(numbers, back - places(np.array([wide, high])), strict=True))
+
+
+# Motions of the camera
+
+TELLS = 0.00025
+"""Metres on the canvas; a smaller motion of the camera is not told from noise."""
+_ONE_PIECE = 0.5  # pixels off the others' motion at which a marker was moved by itself
+
+
+def table_of(marks: Marks) -> Matrix:
+    """Returns markers as rows of number and four corners (column, row), for a calibration record."""
+    return tuple((float(number), *corners.ravel().tolist()) for number, corners in sorted(marks.items()))
+
+
+@dataclass(frozen=True)
+class CameraMotion:
+    """Motion of the camera over the table, by markers that stayed where they were.
+
+    view [3, 3]: homography from the earlier photograph to this one
+    far: metres by which the farthest corner of the canvas seems to have moved
+    moved: names of pieces that moved by themselves
+    """
+
+    view: NDArray[np.float64]
+    far: float
+    moved: tuple[str, ...]
+
+
+def find_camera_motion(photograph: NDArray[np.uint8], record: Calibration) -> CameraMotion | None:
+    """Returns the motion of the camera since the canvas calibration; None if fewer than two markers tell it.
+
+    Raises CalibrationError like `find_marks`.
+    """
+    known = {int(row[0]): np.array(row[1:]).reshape(4, 2) for row in record.markers}
+    marks = find_marks(photograph) if known else {}
+    both = sorted(known.keys() & {number for number in marks if number < CARD})
+    if len(both) < 2 or record.canvas is None:
+        return None
+    before, now = (np.concatenate([each[number] for number in both]) for each in (known, marks))
+    if len(both) == 2:  # too few for the perspective
+        part, _ = cv2.estimateAffinePartial2D(before, now, method=cv2.LMEDS)
+        view, inside = np.r_[part, [[0.0, 0.0, 1.0]]], np.ones(len(before), bool)
+    else:
+        view, mask = cv2.findHomography(before, now, cv2.RANSAC, _ONE_PIECE)
+        inside = np.asarray(mask, bool).ravel()
+    corners = np.array(record.corners)
+    away = np.linalg.norm(cv2.perspectiveTransform(corners[None], view)[0] - corners, axis=1)
+    alone = [number for number, well in zip(both, inside.reshape(-1, 4).all(1), strict=True) if not well]
+    far = float(away.max()) / pixels_per_metre(record, record.canvas)
+    return CameraMotion(np.asarray(view, np.float64), far, tuple(map(_name, alone)))
 
 
 # Card of colours
@@ -256,7 +308,8 @@ def read_card(photograph: NDArray[np.uint8], marks: Marks) -> CardReading | None
     for middles, shrink in ((patches, (1, 1)), (white, (1, 0.4))):
         place = cv2.perspectiveTransform((middles[:, None] + around * shrink).reshape(1, -1, 2), view)[0]
         column, row = place.T.astype(np.float32)
-        seen = cv2.remap(photograph, column, row, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE).reshape(-1, 3)
+        seen = cv2.remap(photograph, column, row, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+        seen = np.asarray(seen, np.uint8).reshape(-1, 3)
         if float((seen >= _BLOWN_OUT).any(1).mean()) > 0.2:
             raise CalibrationError(
                 "The card of colours is overexposed, or a lamp is reflected on it. Expose shorter, or lay it elsewhere."

@@ -4,7 +4,7 @@ import contextlib
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Self
 
@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from frida_painter.calibration import Calibration
-from frida_painter.errors import CameraError, ConfigError, FrameRejected, StaleFrame
+from frida_painter.errors import CalibrationError, CameraError, ConfigError, FrameRejected, StaleFrame
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.robot import Camera, Frame
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import Color, FlatField, is_evenly, light_by_margin, share_unlike
 from frida_painter.perception.frame_check import Expected, FrameCheck
+from frida_painter.perception.markers import TELLS, find_camera_motion
 from frida_painter.perception.rectify import rectify, require_photograph, require_some_light, sampling_places
 from frida_painter.session.events import Notify, StrokePainted, TimelapseFrame
 from frida_painter.strokes.palette import to_lab
@@ -176,6 +177,7 @@ class CanvasObserver:
     `good` photograph.
     start: allowed start of the painting.
     wait: waits for a number of seconds.
+    moved: what the last photographs tell of a motion of the camera, which was taken out; "" if it stands still.
     """
 
     def __init__(
@@ -194,6 +196,7 @@ class CanvasObserver:
         self._photographer = Photographer(easel.camera)
         self._last_image: NDArray[np.uint8] | None = None
         self._film_view: FilmView | None = None
+        self.moved = ""
 
     def look(self, last_motion: float, rows: int) -> Tensor:
         """Returns the canvas [3, rows, columns] in sRGB, for display.
@@ -260,9 +263,21 @@ class CanvasObserver:
     def photograph(self, last_motion: float) -> Frame:
         """Returns a new photograph, taken after the last motion; the camera is asked up to three times.
 
-        Raises StaleFrame, or the last error of the camera.
+        If the camera was moved over the printed markers, the photograph is returned as from its calibrated place, and
+        `moved` says so. Raises StaleFrame, or the last error of the camera.
         """
-        return self._photographer.photograph(last_motion)
+        frame = self._photographer.photograph(last_motion)
+        motion = None
+        with contextlib.suppress(CalibrationError):  # a photograph that is refused later has a better reason
+            motion = find_camera_motion(frame.image, self.easel.calibration)
+        if motion is None or not motion.far > TELLS:
+            return frame
+        self.moved = (
+            f"The camera was moved: the canvas is {1000 * motion.far:.1f} mm beside where it was in the picture"
+        )
+        way, shape = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP, frame.image.shape[1::-1]
+        back = cv2.warpPerspective(frame.image, motion.view, shape, flags=way, borderMode=cv2.BORDER_REPLICATE)
+        return replace(frame, image=np.asarray(back, np.uint8))
 
     def _require_good(
         self, photograph: NDArray[np.uint8], canvas: Tensor, expected: Expected | None, *, doubtful: bool

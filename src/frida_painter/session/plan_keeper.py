@@ -318,6 +318,7 @@ class ExecutionMonitor:
         self._journal, self._interruptions, self._progress, self._tell = desk
         self._painted: list[tuple[Plan, Tensor, Tensor]] = []  # last batches of ours alone, as seen and as expected
         self._looked_after: int | None = None  # strokes at a look that could not tell whether the canvas was moved
+        self._moved = ""  # what was told of the camera
 
     def look(self) -> Tensor:
         """Returns the current canvas [3, H, W] from a photograph newer than the last motion, which is journalled.
@@ -386,6 +387,9 @@ class ExecutionMonitor:
         except FrameDoubtful:
             self._looked_after = progress.painted  # accepted by a person who goes on now
             raise
+        if self._observer.moved != self._moved:
+            self._moved = self._observer.moved
+            self._tell(Remark(f"{self._moved}. That is taken out of every picture; the painting goes on."))
         self._journal.record_look(frame, self._observer.light)
         self._interruptions.touched = progress.person_unseen = False
         return canvas

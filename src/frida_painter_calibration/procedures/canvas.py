@@ -78,6 +78,8 @@ def canvas(easel: Easel) -> Procedure[Finding]:
             lens=outline.lens,
             bare=bare,
         )
+        if outline.marked is not None:
+            known = replace(known, markers=markers.table_of(outline.marked.marks))
         return known if colors is None else colors.enter(known)
 
     said = [
