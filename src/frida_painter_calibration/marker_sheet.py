@@ -61,9 +61,9 @@ class _Page:
 def draw_marker_sheet(canvas: CanvasSize, paper: CanvasSize) -> Sheet:
     """Returns the page for a canvas. Raises ConfigError if the paper is too small."""
     kind = markers.marker_kind(canvas)
-    side, band, quiet = (1000 * each for each in (markers.marker_side(kind), markers.BAND, markers.QUIET))
+    side, band, quiet = (1000 * each for each in (markers.marker_side(kind), markers.BAND, markers.marker_margin(kind)))
     wide, high = _BELOW + band + 2 * quiet + side, _ABOVE + side + quiet + 9
-    needed = 90 + 2 * high + 96
+    needed = 131 + 2 * high
     if not (1000 * paper.width >= max(200, 2 * wide + 20) and 1000 * paper.height >= needed):
         raise ConfigError(f"A paper of {paper} is too small for the sheet; take A4 or letter (--paper).")
     page, middle = _Page(paper), 500 * paper.width
@@ -80,13 +80,14 @@ def draw_marker_sheet(canvas: CanvasSize, paper: CanvasSize) -> Sheet:
         _draw_piece(page, (x, y), kind, corner)
     top += 2 * high + 13
     _draw_card(page, middle, top + 17)
-    _draw_table(page, middle, top + 44)
+    if 1000 * paper.height >= top + 106:
+        _draw_table(page, middle, top + 44)
     return page.sheet
 
 
 def _draw_piece(page: _Page, at: tuple[float, float], kind: int, corner: int) -> None:
     """Draws a piece as it will lie, with the canvas's corner `at` a place of the page."""
-    side, band, quiet = (1000 * each for each in (markers.marker_side(kind), markers.BAND, markers.QUIET))
+    side, band, quiet = (1000 * each for each in (markers.marker_side(kind), markers.BAND, markers.marker_margin(kind)))
     (x, y), out, inwards = at, 1 if corner in (1, 2) else -1, 1 if corner < 2 else -1
     end = side + quiet + 9  # along the canvas's side
 

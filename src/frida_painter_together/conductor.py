@@ -16,6 +16,7 @@ from frida_painter.calibration import Corners
 from frida_painter.easel.dialogue import Answer, Confirm, PointCorners, SetupQuestion
 from frida_painter.easel.kinds import GIVEN, LIVE
 from frida_painter.errors import CalibrationError, FridaError, StorageError
+from frida_painter.perception.markers import find_marks
 from frida_painter.perception.snapshot import find_corners
 from frida_painter.runs.look_folder import GivenPicture
 from frida_painter.runs.spec import RunSpec
@@ -127,6 +128,9 @@ class Conductor:
             found: Corners | None = None
             with suppress(CalibrationError):
                 found = find_corners(photograph, planner.size)
+                if find_marks(photograph):  # printed pieces tell which corner is which
+                    run.look_at_picture(replace(given, corners=found))
+                    return
             question = "Where are the canvas's corners in this picture? Go round it, from any of them."
             corners = asker.answer(PointCorners(question, images.from_uint8(photograph), found))
             assert isinstance(corners, tuple)

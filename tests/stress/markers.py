@@ -30,7 +30,7 @@ from papers import proposed
 from support.printed_sheet import lay_sheet
 
 SIZE = CanvasSize(0.42, 0.297)
-TOLD = 0.0003
+TOLD = 0.00003
 """Metres; a greater motion of the canvas by its picture counts as a move."""
 
 

@@ -387,9 +387,10 @@ def find_dots(before: Tensor, after: Tensor, grid: PixelGrid) -> NDArray[np.floa
     """Returns the centres of round new marks of similar size, canvas metres [n, 2].
 
     before, after [3, rows, columns]: rectified canvas on `grid`, sRGB
-    The centre is that of the added paint, weighted by its coverage.
+    The centre is that of the added paint, weighted by its coverage. Another brightness of the light does not matter.
     """
     bare, seen = to_linear(before).mean(0), to_linear(after).mean(0)
+    bare = bare * (seen / bare.clamp(min=1e-3)).median()
     covered = np.asarray(cv2.medianBlur((1 - seen / bare.clamp(min=1e-3)).clamp(0, 1).numpy(), 3), np.float32)
     _, label, facts, _ = cv2.connectedComponentsWithStats((covered > _FAINTEST).astype(np.uint8))
     number, (width, height), area = np.arange(len(facts)), facts[:, 2:4].T, facts[:, cv2.CC_STAT_AREA]

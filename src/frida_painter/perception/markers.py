@@ -24,9 +24,9 @@ from frida_painter.system.images import light_of_bytes
 DICTIONARY = cv2.aruco.DICT_4X4_50
 CORNERS = ("top left", "top right", "bottom right", "bottom left")
 """Corners of the canvas in the order of the pieces 1 to 4."""
-BAND, QUIET = 0.004, 0.0045
-"""Metres of the dark line along the canvas, and of the white between it and the marker."""
-_SIDES = ((0.25, 0.020), (0.6, 0.025), (1.0, 0.040), (np.inf, 0.060))  # a marker's side, for canvases up to a length
+BAND = 0.004
+"""Metres of the dark line along the canvas."""
+_SIDES = ((0.25, 0.020), (0.6, 0.025), (1.0, 0.040), (np.inf, 0.050))  # a marker's side, for canvases up to a length
 CARD, CARD_SIDE = 40, 0.020
 """Number of the left one of the card's two markers, and their side in metres."""
 CARD_MIDDLES = ((-0.0755, 0.0), (0.0755, 0.0))
@@ -57,10 +57,15 @@ def marker_side(kind: int) -> float:
     return _SIDES[kind][1]
 
 
+def marker_margin(kind: int) -> float:
+    """Returns the white around a marker of a kind in metres: at least as wide as one of its squares."""
+    return max(0.0045, marker_side(kind) / 6)
+
+
 def marker_offset(kind: int, corner: int) -> NDArray[np.float64]:
     """Returns the corners [4, 2] of a printed marker in metres from the canvas's corner, x right and y up."""
     side, (right, up) = marker_side(kind), _SIGNS[corner]
-    return np.array([right * (BAND + QUIET + side / 2), -up * side / 2]) + _SIGNS * side / 2
+    return np.array([right * (BAND + marker_margin(kind) + side / 2), -up * side / 2]) + _SIGNS * side / 2
 
 
 def find_marks(photograph: NDArray[np.uint8]) -> Marks:

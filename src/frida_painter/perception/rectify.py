@@ -17,7 +17,7 @@ from frida_painter.system.images import light_of_bytes, to_srgb
 
 # Map from commanded to painted positions, fitted to places at which both are known
 
-FEWEST = 8
+FEWEST = 5
 """Smallest number of places for a fit."""
 _SINGULAR = 0.2  # smallest scale of areas, and of their inverse
 _OUTLYING = 3.5  # times the usual distance

@@ -18,13 +18,25 @@ from frida_painter.runs.options import out_file, setting_option, taking, whole_n
 from frida_painter_calibration.options import EaselOptions, SurfaceOptions
 
 if TYPE_CHECKING:
+    from frida_painter.calibration import Done
     from frida_painter.easel.dialogue import Answer, Question
 
 _check_parts = Later("frida_painter_lab.conformance:check")
 
 
-What = StrEnum("What", "canvas robot color brush strokes surface all")
-"""Names of the calibration procedures, and all of them; `all` leaves the surface out."""
+class What(StrEnum):
+    """Names of the calibration procedures; `start` is canvas and robot, and `all` is all but the surface."""
+
+    start = "start"
+    canvas = "canvas"
+    robot = "robot"
+    color = "color"
+    brush = "brush"
+    strokes = "strokes"
+    surface = "surface"
+    all = "all"
+
+
 RecordOption = Annotated[
     Path | None,
     taking("FILE", "The calibration record to write or read. [dim]one per easel in your data folder[/]", "--record"),
@@ -34,8 +46,12 @@ RecordOption = Annotated[
 def calibrate(
     *,
     what: Annotated[
-        What, typer.Argument(metavar="canvas|robot|color|brush|strokes|surface|all", help="The procedure to run.")
-    ],
+        What,
+        typer.Argument(
+            metavar="[start|canvas|robot|color|brush|strokes|surface|all]",
+            help="The procedure to run; start is canvas and robot.",
+        ),
+    ] = What.start,
     easel: EaselOptions,
     placement_error: Annotated[str | None, setting_option("placement_error")] = None,
     count: Annotated[
@@ -61,8 +77,9 @@ def calibrate(
 ) -> None:
     """Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.
 
-    Each procedure saves its result in the easel's calibration record, with a picture beside it. `all`
-    runs the five procedures in order. surface is for an uneven canvas: the heights of five or nine points, by touch,
+    Each procedure saves its result in the easel's calibration record, with a picture beside it. start, the usual one,
+    takes two photographs: of the bare canvas, with the printed markers if you have them, and of six painted dots. Then
+    you can paint. all runs the five procedures in order. surface is for an uneven canvas: the heights of five or nine points, by touch,
     by your eye or from marks, make a map that every stroke follows.
     """
     from rich.console import Console
@@ -85,7 +102,7 @@ def calibrate(
     prepare_process()
     with easel_of(easel.describe(placement_error)) as here, ExitStack() as stack:
         path = (record or default_record(here.calibration.easel)).absolute()
-        known = record_to_renew(path, here.calibration, anew=what is What.all)
+        known = record_to_renew(path, here.calibration, anew=what in (What.start, What.all))
         ask = ask or not here.simulated
         console = Console(stderr=True, highlight=False)
         terminal = terminal_at(path.parent, console)
@@ -94,7 +111,9 @@ def calibrate(
             stack.callback(here.robot.close)
             stack.callback(here.camera.close)
             here = connect_easel(here, answer if ask else None, terminal.tell)
-        for name in PROCEDURES if what is What.all else (what.value,):
+        for name in {What.all: PROCEDURES, What.start: ("canvas", "robot")}.get(what, (what.value,)):
+            if name == "color" and what is What.all and not _is_older(known.done.get("color"), known.done["canvas"]):
+                continue  # the photograph of the canvas showed a card of colours
             # A dialogue would overwrite a line of progress.
             with nullcontext() if ask else console.status(f"{name} ...") as line:
                 setup = CalibrationSetup(
@@ -125,6 +144,11 @@ def markers(
 
     write_marker_sheet(out, canvas, CanvasSize.parse(paper))
     print(f"Print {out} at 100 %; it says what to do with the pieces.")
+
+
+def _is_older(one: "Done | None", other: "Done") -> bool:
+    """Returns True if a procedure was finished before another one, or never."""
+    return one is None or one.turn < other.turn
 
 
 def _take_proposal(question: "Question") -> "Answer":

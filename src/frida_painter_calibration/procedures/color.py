@@ -111,7 +111,8 @@ def read_card(card: CardReading) -> Finding:
     """Returns what the printed card of colours tells.
 
     Printers' inks are several CIEDE2000 off, and pale inks look like a camera whose bands leak. So its map counts only
-    if the patches are farther off than inks are, and the map explains that. Raises CalibrationError if its colours are strange.
+    if the patches are farther off than inks are, and the map explains that.
+    Raises CalibrationError if its colours are strange.
     """
     white = torch.ones(_WHITES, 3, dtype=torch.float64)  # white stays white
     seen = torch.cat((torch.from_numpy(card.light), white))

@@ -1,4 +1,4 @@
-"""The robot procedure: measures where sixteen painted dots land, and corrects the placement of strokes."""
+"""The robot procedure: measures where six painted dots land, and corrects the placement of strokes."""
 
 import math
 from collections.abc import Iterator
@@ -16,49 +16,51 @@ from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Waypoints
+from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.landmarks import Match, find_dots, match_dots
 from frida_painter.perception.rectify import apply, fit_homography, rectify
 from frida_painter.system import images
+from frida_painter.system.images import to_srgb
 from frida_painter.system.sheet import CREAM, Sheet
 from frida_painter_calibration.procedures.paper import EaselAccess, ask_for_paper, fill_with_black
 
-SIDE = 4
-"""Number of dots along each side of the canvas."""
+DOTS = ((0.13, 0.15), (0.47, 0.12), (0.87, 0.19), (0.12, 0.82), (0.58, 0.87), (0.86, 0.80))
+"""Meant places of the dots, shares of the canvas's sides; mirrored or turned, at most two of them coincide."""
 WORST_RESIDUAL = 0.0015
 """Greatest residual of a fit, metres, root mean square."""
-FEWEST_DOTS = 10
-"""Number of the sixteen dots that must be found."""
-_EDGE = 0.12  # share of each side of the canvas between its edge and the outermost dots
-_IRREGULAR = 0.1  # share of the distance between dots by which they are moved off the regular grid
-# Chosen so that at most 5 dots coincide if all are mirrored or turned, or their axes exchanged.
-_NUDGES = (
-    (1, -1), (0, 1), (1, 0), (0, -1), (0, 0), (1, 1), (-1, 1), (0, 0),
-    (1, 0), (-1, -1), (1, 0), (0, 0), (1, 0), (-1, 1), (-1, -1), (1, 0),
-)  # fmt: skip
+FEWEST_DOTS = 5
+"""Number of the six dots that must be found."""
+_APART = 0.35  # share of the shorter side between two dots at least
 _TOUCH = 0.12  # thickness of a dot: a light touch that reaches the canvas even if it is slightly uneven
 _PITCH = 0.00025
 _MAX_ROWS = 1400
 _TOLERANCE = 0.0025
-_FEWEST_IN_QUARTER = 2
 
 
 def robot(easel: Easel) -> Procedure[Finding]:
-    """Paints sixteen black dots, photographs them, and fits their seen positions to the meant ones.
+    """Paints six black dots, photographs them, and fits their seen positions to the meant ones.
+
+    The canvas procedure's photograph of the bare canvas tells how it looked before, if there is one.
 
     Raises CalibrationError if too few dots are found, they are mirrored or turned, or the residual exceeds 1.5 mm.
     Raises WorkspaceViolation before anything moves; RobotError, CameraError and their subclasses.
     """
     yield from ask_for_paper(
         easel,
-        f"The robot will paint {SIDE * SIDE} small black dots all over the canvas. Does a bare canvas lie on the "
-        "easel, as it lay before, and is black paint in the first well?",
+        f"The robot will paint {len(DOTS)} small black dots on the canvas. Is the canvas bare and free of the card of "
+        "colours, does it lie as it lay before, and is black paint in the first well?",
         "The robot was not calibrated; repeat it when canvas and paint are there.",
     )
     fill_with_black(easel)
     size = easel.canvas
     grid = PixelGrid.of_height(size, min(_MAX_ROWS, round(size.height / _PITCH)))
-    meant, access = dot_places(size), EaselAccess(easel)
-    before = rectify(access.photograph().image, easel.calibration, grid)
+    meant, access = np.array(DOTS) * (size.width, size.height), EaselAccess(easel)
+    bare = easel.calibration.bare
+    before = (
+        rectify(access.photograph().image, easel.calibration, grid)
+        if bare is None
+        else to_srgb(FlatField.of(bare.light).light(grid.rows, grid.columns))
+    )
     access.gateway.perform(_motions(easel, meant))
     after = rectify(access.photograph().image, easel.calibration, grid)
     spots = find_dots(before, after, grid)
@@ -90,14 +92,6 @@ def robot(easel: Easel) -> Procedure[Finding]:
     )
 
 
-def dot_places(size: CanvasSize) -> NDArray[np.float64]:
-    """Returns the meant positions of the dots, canvas metres [16, 2]: nearly even, but without symmetry."""
-    share = np.linspace(_EDGE, 1 - _EDGE, SIDE)
-    place = np.stack(np.meshgrid(share, share), -1).reshape(-1, 2)
-    place += _IRREGULAR * (share[1] - share[0]) * np.array(_NUDGES)
-    return place * (size.width, size.height)
-
-
 def _motions(easel: Easel, places: NDArray[np.float64]) -> Iterator[Waypoints]:
     """Yields a dip and a vertical touch for every dot, without the calibrated placement."""
     motion = Motion(easel.workspace, easel.calibration)
@@ -112,8 +106,8 @@ def _motions(easel: Easel, places: NDArray[np.float64]) -> Iterator[Waypoints]:
 
 def _match_dots(meant: NDArray[np.float64], spots: NDArray[np.float64], size: CanvasSize) -> Match:
     """Returns the match of spots and dots. Raises CalibrationError if too few match, or they are mirrored or turned."""
-    spacing = (1 - 2 * _EDGE) / (SIDE - 1) * min(size.width, size.height)
-    near = {"reach": 0.5 * spacing, "tolerance": min(_TOLERANCE, 0.06 * spacing)}
+    apart = _APART * min(size.width, size.height)
+    near = {"reach": 0.5 * apart, "tolerance": min(_TOLERANCE, 0.06 * apart)}
     middle = np.array([size.width / 2, size.height / 2])
     match = match_dots(meant, spots, **near)
     if len(match.meant) < FEWEST_DOTS:
@@ -133,19 +127,6 @@ def _match_dots(meant: NDArray[np.float64], spots: NDArray[np.float64], size: Ca
             f"should be, among {len(spots)} spots; {FEWEST_DOTS} are needed. Is there paint in the well, does the "
             "brush reach the canvas everywhere, and is the canvas bare? Mend that, then repeat the robot calibration."
         )
-    right, upper = (meant[match.meant] > middle).T
-    for name, part in (
-        ("lower left", ~right & ~upper),
-        ("lower right", right & ~upper),
-        ("upper left", ~right & upper),
-        ("upper right", right & upper),
-    ):
-        if part.sum() < _FEWEST_IN_QUARTER:
-            raise CalibrationError(
-                f"In the {name} quarter of the canvas {part.sum()} of the dots were found; {_FEWEST_IN_QUARTER} are "
-                "needed in each. Does the brush reach the canvas there? Level the canvas, and repeat the robot "
-                "calibration."
-            )
     return match
 
 
