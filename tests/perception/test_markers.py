@@ -81,7 +81,7 @@ def test_a_covered_piece_is_missed_by_nobody_and_two_are() -> None:
     outline = find_canvas(photograph(studio), SIZE)
     assert off(outline.corners, studio) < 0.3 and outline.marked.missing == ("piece 4 (bottom left)",)
     studio.table.under = tuple(pieces[:2])
-    with pytest.raises(CalibrationError, match="piece 3 .*piece 4 .*three must be"):
+    with pytest.raises(CalibrationError, match=r"piece 3 .*piece 4 .*three must be"):
         find_canvas(photograph(studio), SIZE)
 
 
@@ -92,12 +92,12 @@ def test_a_mirrored_photograph_a_small_print_another_canvas_and_two_sheets_are_r
     lay_sheet(studio, replace(USUAL, scale=0.97))
     with pytest.raises(CalibrationError, match="if it is 97 mm long"):
         find_canvas(photograph(studio), SIZE)
-    with pytest.raises(CalibrationError, match="a canvas of 24. x 1[78]. mm, and the canvas was said to be 240 x 150"):
+    with pytest.raises(CalibrationError, match=r"a canvas of 24. x 1[78]. mm, and the canvas was said to be 240 x 150"):
         find_canvas(usual(), CanvasSize(0.24, 0.15))
     pieces, _ = cards(SIZE, USUAL)
     again = replace(pieces[0], center=(120.0, 90.0))
     studio.table.under, studio.table.over = tuple(pieces), (again,)
-    with pytest.raises(CalibrationError, match="piece 1 .* twice"):
+    with pytest.raises(CalibrationError, match=r"piece 1 .* twice"):
         find_canvas(photograph(studio), SIZE)
 
 

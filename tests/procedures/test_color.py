@@ -48,7 +48,7 @@ def test_on_the_usual_studio_patches_never_seen_come_out_right():
     worst, photographed, even = map(float, said.groups())
     assert f"{residual:.1f} CIEDE2000" in finding.sentence
     assert residual < 0.8 < 1.0 < even < 3.5 < photographed < 5  # 2.5 are promised; measured: 0.46 to 0.63
-    assert residual < worst < 3 and "light had changed" not in finding.sentence
+    assert residual < worst < 3
 
 
 def test_after_the_robot_procedure_a_small_canvas_is_bare_again():
@@ -123,15 +123,14 @@ def test_corners_given_by_a_person_may_begin_anywhere_and_run_either_way():
 
 @pytest.mark.parametrize(
     "change",
-    [LightChange(1, (0.8, 0.6, 0.4)), LightChange(1, (0.7, 0.7, 0.7), (-0.3, 0.1))],
+    [LightChange(0, (0.8, 0.6, 0.4)), LightChange(0, (0.7, 0.7, 0.7), (-0.3, 0.1))],
 )
-def test_another_light_than_on_the_bare_canvas_is_noticed_and_taken_out(change):
-    finding, affine, residual = found(faults=Faults(light_changes=(change,)))
-    assert "light had changed" in finding.sentence
+def test_another_light_is_taken_out(change):
+    _, affine, residual = found(faults=Faults(light_changes=(change,)))
     assert residual < 0.9 and np.abs(affine - found()[1]).max() < 0.04
 
 
-@pytest.mark.parametrize(("blur", "first"), [(0.004, 0), (0.006, 1), (0.008, 0), (0.02, 1)])
+@pytest.mark.parametrize(("blur", "first"), [(0.004, 0), (0.006, 0), (0.008, 0), (0.02, 0)])
 def test_out_of_focus_the_map_is_right_or_refused(blur, first):
     faults = Faults(lost_focus=(LostFocus(first, blur=blur),))
     if blur <= 0.004:
@@ -149,8 +148,6 @@ def test_a_photograph_that_is_too_bright_or_too_dark_is_refused():
     with pytest.raises(CalibrationError, match=r"overexposed.*white"):
         found(faults=Faults(light_changes=(LightChange(0, (1.25, 1.25, 1.25)),)))
     with pytest.raises(CalibrationError, match="too dark"):
-        found(faults=Faults(light_changes=(LightChange(1, (0.05, 0.05, 0.05)),)))
-    with pytest.raises(FrameRejected, match="too dark"):
         found(faults=Faults(light_changes=(LightChange(0, (0.05, 0.05, 0.05)),)))
 
 
@@ -184,7 +181,7 @@ def test_a_chart_of_other_colours_is_refused():
 def test_a_card_that_hides_the_canvas_is_refused():
     studio = studio_with(canvas=CanvasSize(0.1, 0.07))
     studio.lay_checker((0.05, 0.035), 0.0, 0.1)
-    with pytest.raises(CalibrationError, match="covers all but"):
+    with pytest.raises(FrameRejected, match="covers all but"):
         lead(color(studio.easel), proposed)
 
 
@@ -220,8 +217,8 @@ def test_a_person_is_asked_to_lay_the_checker_down_and_to_take_it_away():
     studio = studio_with()
     person = Person(studio)
     assert calibrated(replace(studio.easel, operator=person), person.answer)[2] < 0.8
-    assert [type(question) for question in person.asked] == [Confirm, Confirm, PointCorners, Confirm]
-    assert person.asked[2].picture.shape == (3, 600, 800)
+    assert [type(question) for question in person.asked] == [Confirm, PointCorners, Confirm]
+    assert person.asked[1].picture.shape == (3, 600, 800)
     with pytest.raises(CalibrationError, match="Without a colour checker"):
         lead(color(replace(studio.easel, operator=person)), lambda question: "Lay" not in question.text)
 

@@ -79,8 +79,8 @@ def calibrate(
 
     Each procedure saves its result in the easel's calibration record, with a picture beside it. start, the usual one,
     takes two photographs: of the bare canvas, with the printed markers if you have them, and of six painted dots. Then
-    you can paint. all runs the five procedures in order. surface is for an uneven canvas: the heights of five or nine points, by touch,
-    by your eye or from marks, make a map that every stroke follows.
+    you can paint. all runs the five procedures in order. surface is for an uneven canvas: the heights of five or nine
+    points, by touch, by your eye or from marks, make a map that every stroke follows.
     """
     from rich.console import Console
 
