@@ -187,7 +187,7 @@ def bare_canvas(
 ) -> BareCanvas:
     """Returns the light measurements of a photograph [H, W, 3] of a bare white canvas.
 
-    card [k, 2]: outline in the photograph of what lies on the canvas, (column, row); None if nothing does
+    card [k, 2]: outline of a card on the canvas, (column, row) in the photograph; None if there is none
     Raises FrameRejected if the photograph is unusable.
     """
     grid = PixelGrid.of_height(size, _ROWS)

@@ -215,7 +215,7 @@ _HELP = "clear the table, even out the light, or point at the four corners yours
 def find_canvas(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline:
     """Returns the canvas outline in a photograph [rows, columns, 3] (uint8 sRGB), corners from the top left.
 
-    Printed pieces at the corners tell where they are, and which is the top left. Without pieces, candidates are
+    Printed pieces at the corners tell their places, and which is the top left. Without pieces, candidates are
     quadrilaterals that differ from the table around them by one of several criteria; the one with the best visible
     edges wins. Raises CalibrationError if there is none, or if the pieces lie wrong.
     """

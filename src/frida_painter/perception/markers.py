@@ -1,4 +1,4 @@
-"""Printed markers around the canvas: where they are, and what a photograph with them tells.
+"""Printed markers around the canvas: their places, and their reading in a photograph.
 
 Four pieces of paper lie at the canvas's corners, each with an ArUco marker (S. Garrido-Jurado et al., "Automatic
 generation and detection of highly reliable fiducial markers", 2014) beside the canvas's left or right side. A card
@@ -243,7 +243,7 @@ def table_of(marks: Marks) -> Matrix:
 
 @dataclass(frozen=True)
 class CameraMotion:
-    """Motion of the camera over the table, by markers that stayed where they were.
+    """Motion of the camera over the table, by markers that lie still.
 
     view [3, 3]: homography from the earlier photograph to this one
     far: metres by which the farthest corner of the canvas seems to have moved

@@ -1,6 +1,6 @@
 """Printed paper on the studio's table: what a printer, scissors and a person's hands make of a page.
 
-The studio knows nothing of what the page is for. It prints, cuts rectangles out, and lays them down, all with errors.
+The studio knows nothing of the page's purpose. It prints, cuts rectangles out, and lays them down, all with errors.
 """
 
 import math

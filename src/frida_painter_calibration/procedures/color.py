@@ -71,7 +71,7 @@ def color(easel: Easel) -> Procedure[Finding]:
 def read_chart(
     record: Calibration, canvas: CanvasSize, frame: NDArray[np.uint8], corners: object
 ) -> tuple[Finding, NDArray[np.float64]]:
-    """Returns what a checker on the bare canvas tells, and the outline [4, 2] of what it may cover.
+    """Returns the finding of a checker on the bare canvas, and the outline [4, 2] of the whole card.
 
     corners: middles of its corner patches, (column, row) in the photograph
     Raises CalibrationError, and FrameRejected if the canvas around it is not bare.
