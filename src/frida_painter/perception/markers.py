@@ -274,7 +274,7 @@ def find_camera_motion(photograph: NDArray[np.uint8], record: Calibration) -> Ca
         inside = np.asarray(mask, bool).ravel()
     corners = np.array(record.corners)
     away = np.linalg.norm(cv2.perspectiveTransform(corners[None], view)[0] - corners, axis=1)
-    alone = [number for number, well in zip(both, inside.reshape(-1, 4).all(1), strict=True) if not well]
+    alone = [number for number, well in zip(both, inside.reshape(-1, 4).min(1).tolist(), strict=True) if not well]
     far = float(away.max()) / pixels_per_metre(record, record.canvas)
     return CameraMotion(np.asarray(view, np.float64), far, tuple(map(_name, alone)))
 
