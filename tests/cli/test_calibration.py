@@ -35,7 +35,7 @@ def test_procedures_are_entered_one_by_one_and_the_doctor_tells_how_they_stand(c
     status, out, _ = call("calibrate", "canvas", *STUDIO, *ASKEW, *record)
     assert status == 0 and "The canvas was found" in out
     status, out, _ = call("calibrate", "robot", *STUDIO, *ASKEW, *record)
-    assert status == 0 and "16 dots" in out
+    assert status == 0 and "6 dots" in out
     known = Calibration.load(tmp_path / "cal.json")
     assert list(known.done) == ["canvas", "robot"] and known.easel == "virtual studio 3"
     assert known.placement[0][2] < -0.001
