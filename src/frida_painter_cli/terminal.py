@@ -36,6 +36,7 @@ from frida_painter.session import events
 from frida_painter.session.fold import PaintingState
 from frida_painter.session.time_left import PlanTime, duration, share_of_plan
 from frida_painter.system import images
+from frida_painter.system.operating_system import forget_keys
 
 # Progress with a forecast of the time left, from measured durations of each kind of work.
 
@@ -224,17 +225,8 @@ def terminal_at(pictures: Path, console: Console | None = None, keys: "GuidingKe
 
 def flush_keys() -> None:
     """Forgets what was typed at the terminal before a question: it was no answer to it."""
-    if not sys.stdin.isatty():
-        return
-    try:
-        import termios
-    except ImportError:  # Windows
-        import msvcrt
-
-        while msvcrt.kbhit():  # type: ignore[attr-defined]
-            msvcrt.getwch()  # type: ignore[attr-defined]
-        return
-    termios.tcflush(sys.stdin, termios.TCIFLUSH)
+    if sys.stdin.isatty():
+        forget_keys(sys.stdin.fileno())
 
 
 def _in_words(question: SetupQuestion) -> tuple[str, Callable[[str], Answer | None], str]:

@@ -254,6 +254,11 @@ class CameraMotion:
     far: float
     moved: tuple[str, ...]
 
+    @property
+    def is_told(self) -> bool:
+        """True if it is told from noise."""
+        return self.far > TELLS
+
 
 def find_camera_motion(photograph: NDArray[np.uint8], record: Calibration) -> CameraMotion | None:
     """Returns the motion of the camera since the canvas calibration; None if fewer than two markers tell it.

@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import cv2
 import numpy as np
@@ -346,7 +346,7 @@ class _Scene:
     def coarser(self) -> "_Scene":
         """Returns the scene with half as many rows and columns."""
         rows, columns = self.canvas.shape
-        arrays = {
+        arrays: dict[str, Any] = {
             name: np.asarray(cv2.resize(each, (columns // 2, rows // 2), interpolation=cv2.INTER_AREA), np.float32)
             for name in ("seen", "expected", "known", "canvas", "touched", "as_paint", "rim", "grain")
             for each in (getattr(self, name),)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import cv2
 import numpy as np
@@ -22,13 +22,18 @@ from frida_painter.hardware.robot import Camera, Frame
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import Color, FlatField, is_evenly, light_by_margin, share_unlike
 from frida_painter.perception.frame_check import Expected, FrameCheck
-from frida_painter.perception.markers import TELLS, find_camera_motion
 from frida_painter.perception.rectify import rectify, require_photograph, require_some_light, sampling_places
+from frida_painter.registry import Later
 from frida_painter.session.events import Notify, StrokePainted, TimelapseFrame
 from frida_painter.strokes.palette import to_lab
 from frida_painter.strokes.plan import WHITE
 from frida_painter.system import images
 from frida_painter.system.images import light_of_bytes, to_srgb
+
+if TYPE_CHECKING:
+    from frida_painter.perception.markers import CameraMotion
+
+_find_camera_motion = Later("frida_painter.perception.markers:find_camera_motion")  # few tables have markers
 
 # Start of a painting: on a bare canvas, on a toned one, or on a canvas with a painting.
 
@@ -267,10 +272,12 @@ class CanvasObserver:
         `moved` says so. Raises StaleFrame, or the last error of the camera.
         """
         frame = self._photographer.photograph(last_motion)
-        motion = None
+        motion: CameraMotion | None = None
         with contextlib.suppress(CalibrationError):  # a photograph that is refused later has a better reason
-            motion = find_camera_motion(frame.image, self.easel.calibration)
-        if motion is None or not motion.far > TELLS:
+            motion = (
+                _find_camera_motion(frame.image, self.easel.calibration) if self.easel.calibration.markers else None
+            )
+        if motion is None or not motion.is_told:
             return frame
         self.moved = (
             f"The camera was moved: the canvas is {1000 * motion.far:.1f} mm beside where it was in the picture"

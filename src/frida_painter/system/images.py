@@ -85,8 +85,9 @@ def save(image: AnyPicture, path: str | Path) -> None:
         torch.Size([3, 48, 64])
     """
     path = Path(path)
-    is_bytes = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.ndim == 3 and image.shape[2] == 3
-    picture = Image.fromarray(image if is_bytes else to_uint8(as_picture(image)))
+    if not (isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.shape[2:] == (3,)):
+        image = to_uint8(as_picture(image))
+    picture = Image.fromarray(image)
     with storage.replacing(path) as temporary:
         if path.suffix.lower() in (".jpg", ".jpeg"):
             picture.save(temporary, format="JPEG", quality=_JPEG_QUALITY, subsampling=0)

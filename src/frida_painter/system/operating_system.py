@@ -21,6 +21,7 @@ _msvcrt: Any = import_module("msvcrt") if IS_WINDOWS else None
 if not IS_WINDOWS:
     import resource
     import select
+    import termios
 
 if TYPE_CHECKING:
     import subprocess
@@ -258,6 +259,14 @@ def is_typed(file: int, seconds: float) -> bool:
             return False
         time.sleep(_GLANCE)
     return True
+
+
+def forget_keys(terminal: int) -> None:
+    """Forgets what was typed at a terminal and not read yet. Raises OSError."""
+    if not IS_WINDOWS:
+        termios.tcflush(terminal, termios.TCIFLUSH)
+    while IS_WINDOWS and _msvcrt.kbhit():
+        _msvcrt.getwch()
 
 
 def is_in_background(terminal: int) -> bool:

@@ -24,19 +24,8 @@ if TYPE_CHECKING:
 _check_parts = Later("frida_painter_lab.conformance:check")
 
 
-class What(StrEnum):
-    """Names of the calibration procedures; `start` is canvas and robot, and `all` is all but the surface."""
-
-    start = "start"
-    canvas = "canvas"
-    robot = "robot"
-    color = "color"
-    brush = "brush"
-    strokes = "strokes"
-    surface = "surface"
-    all = "all"
-
-
+What = StrEnum("What", "start canvas robot color brush strokes surface all")
+"""Names of the calibration procedures; `start` is canvas and robot, and `all` is all but the surface."""
 RecordOption = Annotated[
     Path | None,
     taking("FILE", "The calibration record to write or read. [dim]one per easel in your data folder[/]", "--record"),

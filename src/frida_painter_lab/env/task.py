@@ -232,5 +232,5 @@ def _palette(paints: Paints, goal: Tensor) -> Tensor:
 def _in_full(color: AnyColor) -> AnyColor:
     """Returns "#a33" as "#aa3333", and any other colour as it is."""
     if isinstance(color, str) and len(color) == 4 and color.startswith("#"):
-        return "#" + "".join(2 * digit for digit in color[1:])
+        return "#" + "".join(2 * digit for digit in str(color)[1:])
     return color
