@@ -34,8 +34,10 @@ if TYPE_CHECKING:
 
     from frida_painter.strokes.plan import Plan
     from frida_painter.strokes.strokes import Strokes
+
+    Bytes = NDArray[np.uint8]
 else:  # the web process reads events, and loads neither torch nor the planner
-    Tensor = Plan = Strokes = Any  # live fields are never read from a record
+    Bytes = Tensor = Plan = Strokes = Any  # live fields are never read from a record
 
 
 @dataclass_transform(frozen_default=True)
@@ -374,7 +376,7 @@ class TimelapseFrame(Event):
     of: int
     color: tuple[float, float, float]
     picture: str | None = None
-    photograph: NDArray[np.uint8] = live()
+    photograph: Bytes = live()
 
 
 class Looked(Event):
