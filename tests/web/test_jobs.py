@@ -277,6 +277,8 @@ def test_stop_ends_a_motion_of_the_setup_and_a_person_must_arm_the_machine(
         if asked["kind"] == "choose":
             answer("At which port", choice=len(asked["things"]) - 1)
         answer("The name of its port", address=living.name)
+        answer("Shall it drive to its limit switches", yes=True)
+        answer("From now on the tip moves", yes=True)
         answer("bottom-left", settled=True)
         asked = wait_for(lambda state: "bottom-right" in (state["question"] or {}).get("text", ""))["question"]
         assert asked["leave"] is True
