@@ -167,7 +167,7 @@ class Run:
         self.listeners: list[Any] = []
         self.told: list[Any] = []
         self.report = self.told.append
-        self.controls = SimpleNamespace()
+        self.controls = SimpleNamespace(mixed=None)
 
 
 @pytest.mark.parametrize(
