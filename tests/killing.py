@@ -87,7 +87,8 @@ class ForkedProcess:
     """Stands in for `subprocess.Popen` of a Python program: the same, from the moment at which all is imported.
 
     PyTorch takes two seconds of a processor to load, which a program that tests start hundreds of times need not.
-    work: what the process does; its exit status is that of SystemExit. pass_fds: all files but these are closed in it.
+    work: what the process does; its exit status is that of SystemExit
+    pass_fds, files: all files but these are closed in it
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class ForkedProcess:
         work: Callable[[], object],
         *,
         pass_fds: Sequence[int] = (),
+        files: Sequence[Any] = (),
         stdout: IO[Any] | None = None,
         stderr: IO[Any] | None = None,
         start_new_session: bool = False,
@@ -106,7 +108,9 @@ class ForkedProcess:
         sys.stderr.flush()
         self.pid = os.fork()
         if self.pid == 0:
-            self._become(work, pass_fds, stdout, stderr, start_new_session, cwd, env)
+            self._become(
+                work, [*pass_fds, *(file.fileno() for file in files)], stdout, stderr, start_new_session, cwd, env
+            )
 
     def poll(self) -> int | None:
         """The exit status, or minus the signal that ended it; None as long as it is there."""
