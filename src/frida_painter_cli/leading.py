@@ -28,11 +28,11 @@ from frida_painter.session.fold import ENDS, PaintingState, require_journal
 from frida_painter.session.time_left import duration
 from frida_painter.system import locks, storage
 from frida_painter.system.event_log import LogReader
-from frida_painter.system.operating_system import is_typed
+from frida_painter.system.operating_system import forget_keys, is_typed
 from frida_painter.system.storage import count_of
 from frida_painter_cli.options import Wells, ask_at_terminal
 from frida_painter_cli.stop_signal import StopSignal
-from frida_painter_cli.terminal import PaintingLine, flush_keys, terminal_at
+from frida_painter_cli.terminal import PaintingLine, terminal_at
 
 PLAN_ROOM = 20 * 2**20  # bytes needed before a plan begins
 _GLANCE = 0.2  # seconds between two looks at pause file, inbox and terminal
@@ -164,7 +164,7 @@ class Leader:
         self._asks = not self._held and (at_page or paused.cause != "person") and sys.stdin.isatty()
         how = f"To go on, remove {self._pause_file}" if self._held else paused.reason
         asked = " To go on, type go; to stop, Ctrl-C." if self._asks else ""
-        flush_keys()
+        forget_keys(sys.stdin)
         self._console.print(f"Paused after {paused.done} strokes. {how}{asked}", markup=False)
         while not self._is_stopped():
             if self._conductor is not None:
@@ -318,7 +318,7 @@ def confirm(question: str, *, default: bool | None) -> bool:
     """
     choice = "[y/n]" if default is None else "[Y/n]" if default else "[y/N]"
     if default is None:
-        flush_keys()
+        forget_keys(sys.stdin)
     while True:
         try:
             answer = input(f"{question} {choice} ").strip().lower()

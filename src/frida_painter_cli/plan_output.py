@@ -80,6 +80,8 @@ def lay_with_bristles(plan: Plan, rows: int) -> NDArray[np.uint8] | None:
 
 def _make_svg(plan: Plan, options: ExportOptions) -> str:
     """Returns the plan as an SVG with a layer per paint; with `dips`, a pause at each dip of the brush."""
+    if options.refill is not None and not options.dips:
+        raise ConfigError("--refill says where the brush is dipped, and an SVG shows that with --dips only; give both.")
     widths = plan_widths(plan, load_models_of(plan))
     marks = set()
     if options.dips:

@@ -189,7 +189,7 @@ class Terminal:
             return self.keys.answer(question, self.tell)
         prompt, understand, allowed = _in_words(question)
         if isinstance(question, Confirm) and question.moves:
-            flush_keys()
+            forget_keys(sys.stdin)
         while True:
             try:
                 line = self.ask(prompt).strip()
@@ -221,12 +221,6 @@ def terminal_at(pictures: Path, console: Console | None = None, keys: "GuidingKe
         pictures,
         keys,
     )
-
-
-def flush_keys() -> None:
-    """Forgets what was typed at the terminal before a question: it was no answer to it."""
-    if sys.stdin.isatty():
-        forget_keys(sys.stdin.fileno())
 
 
 def _in_words(question: SetupQuestion) -> tuple[str, Callable[[str], Answer | None], str]:
@@ -350,7 +344,7 @@ class GuidingKeys:
             tell(
                 "  Arrows: left, right, away, near. Page up and down (or w, s): up, down. + and -: step. o: there (ok)."
             )
-            flush_keys()
+            forget_keys(sys.stdin)
         tell(f"  {_millimetres(question.position)} mm, step {JOG_STEPS[self._step] * 1000:g} mm")
         while True:
             try:

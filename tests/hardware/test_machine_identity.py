@@ -64,7 +64,7 @@ def test_a_device_that_comes_back_under_another_name_is_found(monkeypatch: pytes
     first, second = tmp_path / "ttyUSB0", tmp_path / "ttyUSB1"
     plugged = [device(first, "A7")]
     monkeypatch.setattr(kinds, "_ports", lambda: plugged)
-    monkeypatch.setattr(kinds, "_PORTS", tmp_path / "ports.json")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     first.touch()
     before = at_port(str(first))
     remember_port(str(first), find_port(str(first)))

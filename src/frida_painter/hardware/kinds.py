@@ -92,7 +92,6 @@ def millimetres_per_second(text: str) -> float:
 # there.
 
 _HERE = "this computer"
-_PORTS = user_state_path("frida-painter", appauthor=False) / "ports.json"
 
 
 def by_name(name: MachineName) -> frozenset[str]:
@@ -159,14 +158,19 @@ def remember_port(name: str, device: str) -> None:
     number = _numbers().get(_resolve(device))
     if number and _remembered().get(name) != number and "/by-" not in name:
         with suppress(StorageError):
-            storage.write_json(_PORTS, {**_remembered(), name: number})
+            storage.write_json(_ports_file(), {**_remembered(), name: number})
+
+
+def _ports_file() -> Path:
+    return user_state_path("frida-painter", appauthor=False) / "ports.json"
 
 
 def _remembered() -> dict[str, str]:
     try:
-        return {str(name): str(number) for name, number in storage.read_json(_PORTS, "the ports of machines").items()}
+        known = storage.read_json(_ports_file(), "the ports of machines")
     except StorageError:
         return {}
+    return {str(name): str(number) for name, number in known.items()}
 
 
 def _numbers() -> dict[str, str]:

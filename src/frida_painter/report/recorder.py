@@ -91,7 +91,6 @@ class Recorder:
 
     def __enter__(self) -> Self:
         self._sheets = RecipeSheets(self.folder, self.described.owned)
-        self._renew_sheets = self._sheets.renew if self.described.is_mixed else lambda *plan: None
         self._thread = ThreadPoolExecutor(1, "film")  # encodes while the robot goes on painting
         self._film = FilmWriter(self.folder / "film.mp4", self.described.frames)
         if self.described.target is not None:
@@ -200,11 +199,12 @@ class Recorder:
         if self._plan is None or event.done == 0:  # a plan for the measured paints replaces the first one
             self._plan, self._first_expected = event.plan, event.expected
             images.save(event.expected, self.folder / "plan.png")
-            self._renew_sheets(event.plan)
+            if self.described.is_mixed:
+                self._sheets.renew(event.plan)
             return event
         before, self._plan = self._plan, self._plan.part(slice(event.done)).followed_by(event.plan)
-        if not torch.equal(before.palette.color, self._plan.palette.color):  # new paints for the next layer
-            self._renew_sheets(self._plan, before.palette)
+        if self.described.is_mixed and not torch.equal(before.palette.color, self._plan.palette.color):
+            self._sheets.renew(self._plan, before.palette)  # new paints for the next layer
         look = self.state.pictures.looks[-1] if self.state.pictures.looks else None
         if look is None or look.done != event.done or look.planned is not None or not look.pictures:
             return event
@@ -225,7 +225,8 @@ class Recorder:
     def _keep_on(self, done: int, plan: Plan, expected: Tensor | None) -> None:
         """Continues the film of an earlier sitting."""
         self._plan = plan
-        self._renew_sheets(plan)
+        if self.described.is_mixed:
+            self._sheets.renew(plan)
         try:
             self._first_expected = images.load(self.folder / "plan.png")
         except ImageError:

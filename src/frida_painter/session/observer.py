@@ -278,6 +278,7 @@ class CanvasObserver:
                 _find_camera_motion(frame.image, self.easel.calibration) if self.easel.calibration.markers else None
             )
         if motion is None or not motion.is_told:
+            self.moved = ""
             return frame
         self.moved = (
             f"The camera was moved: the canvas is {1000 * motion.far:.1f} mm beside where it was in the picture"

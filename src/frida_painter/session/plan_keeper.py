@@ -387,8 +387,8 @@ class ExecutionMonitor:
         except FrameDoubtful:
             self._looked_after = progress.painted  # accepted by a person who goes on now
             raise
-        if self._observer.moved != self._moved:
-            self._moved = self._observer.moved
+        before, self._moved = self._moved, self._observer.moved
+        if self._moved not in ("", before):
             self._tell(Remark(f"{self._moved}. That is taken out of every picture; the painting goes on."))
         self._journal.record_look(frame, self._observer.light)
         self._interruptions.touched = progress.person_unseen = False

@@ -14,7 +14,7 @@ from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 IS_WINDOWS = sys.platform == "win32"
 _msvcrt: Any = import_module("msvcrt") if IS_WINDOWS else None
@@ -74,7 +74,7 @@ def write_at(descriptor: int, content: bytes, offset: int) -> int:
 
 
 def allocate(descriptor: int, size: int) -> None:
-    """Gives a file `size` bytes of the disk, of which those after its end are zero. Raises OSError."""
+    """Lengthens a file to `size` bytes, with zeros, and takes that room from the disk now. Raises OSError."""
     if hasattr(os, "posix_fallocate"):
         os.posix_fallocate(descriptor, 0, size)
     else:
@@ -191,7 +191,7 @@ def hand_sockets(process: "subprocess.Popen[bytes]", files: Sequence[Any]) -> No
 
 
 def inherited_socket(number: int) -> socket.socket:
-    """Returns an inherited socket; to be called in the order in which the sockets were given."""
+    """Returns an inherited socket. Call it for the sockets in the order in which the parent named them."""
     if not IS_WINDOWS:
         return socket.socket(fileno=number)
     pipe = sys.stdin.buffer
@@ -261,8 +261,10 @@ def is_typed(file: int, seconds: float) -> bool:
     return True
 
 
-def forget_keys(terminal: int) -> None:
-    """Forgets what was typed at a terminal and not read yet. Raises OSError."""
+def forget_keys(terminal: IO[str]) -> None:
+    """Forgets what was typed before a question, which it does not answer; nothing if this is no terminal."""
+    if not terminal.isatty():
+        return
     if not IS_WINDOWS:
         termios.tcflush(terminal, termios.TCIFLUSH)
     while IS_WINDOWS and _msvcrt.kbhit():
