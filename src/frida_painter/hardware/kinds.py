@@ -134,19 +134,17 @@ def find_port(name: str) -> str:
     if "://" in name or not (numbers := _numbers()):
         return name
     there = Path(name).exists() or any(port.device == name for port in _ports())  # COM3 is no path
-    if "/by-id/" in name and there:  # a link to one of those that share a number
-        wanted = numbers.get(_resolve(name), "")
-    else:
-        wanted = _remembered().get(name, "" if there else name)
+    linked = there and "/by-id/" in name  # to one of those that share a number
+    wanted = numbers.get(_resolve(name), "") if linked else _remembered().get(name, "" if there else name)
     found = [device for device, number in numbers.items() if number.lower() == wanted.lower()]
-    if there and (not found or ("/by-id/" not in name and _resolve(name) in found)):
+    if there and (not found or (not linked and _resolve(name) in found)):
         return name
     if len(found) > 1:
         raise ConfigError(
             f"{', '.join(found)} have one serial number, {wanted}, so which of them {name!r} is, is not known. Unplug "
             "the other, or give the place where it is plugged in: see ls -l /dev/serial/by-path."
         )
-    if there and "/by-id/" not in name:
+    if there and not linked:
         raise ConfigError(
             f"At {name} is another device than before; the machine that was there is at {found[0]} now. Give that port."
         )
@@ -158,19 +156,17 @@ def remember_port(name: str, device: str) -> None:
     number = _numbers().get(_resolve(device))
     if number and _remembered().get(name) != number and "/by-" not in name:
         with suppress(StorageError):
-            storage.write_json(_ports_file(), {**_remembered(), name: number})
+            storage.write_json(_kept(), {**_remembered(), name: number})
 
 
-def _ports_file() -> Path:
+def _kept() -> Path:
     return user_state_path("frida-painter", appauthor=False) / "ports.json"
 
 
 def _remembered() -> dict[str, str]:
-    try:
-        known = storage.read_json(_ports_file(), "the ports of machines")
-    except StorageError:
-        return {}
-    return {str(name): str(number) for name, number in known.items()}
+    with suppress(StorageError):
+        return {str(name): str(number) for name, number in storage.read_json(_kept(), "the ports of machines").items()}
+    return {}
 
 
 def _numbers() -> dict[str, str]:

@@ -128,7 +128,6 @@ class Recorder:
         """Closes the film, writes pictures, exports, figures and the page; returns the page's path.
 
         printed [rows, columns, 3]: the canvas in more detail than its photograph; None if there is only that
-
         Returns None if the work was stopped before there was a plan: then there is nothing to tell. Raises
         StorageError.
         """

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import cv2
 import numpy as np
@@ -29,9 +29,6 @@ from frida_painter.strokes.palette import to_lab
 from frida_painter.strokes.plan import WHITE
 from frida_painter.system import images
 from frida_painter.system.images import light_of_bytes, to_srgb
-
-if TYPE_CHECKING:
-    from frida_painter.perception.markers import CameraMotion
 
 _find_camera_motion = Later("frida_painter.perception.markers:find_camera_motion")  # few tables have markers
 
@@ -272,11 +269,9 @@ class CanvasObserver:
         `moved` says so. Raises StaleFrame, or the last error of the camera.
         """
         frame = self._photographer.photograph(last_motion)
-        motion: CameraMotion | None = None
+        record, motion = self.easel.calibration, None
         with contextlib.suppress(CalibrationError):  # a photograph that is refused later has a better reason
-            motion = (
-                _find_camera_motion(frame.image, self.easel.calibration) if self.easel.calibration.markers else None
-            )
+            motion = _find_camera_motion(frame.image, record) if record.markers else None
         if motion is None or not motion.is_told:
             self.moved = ""
             return frame

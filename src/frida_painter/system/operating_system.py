@@ -263,11 +263,9 @@ def is_typed(file: int, seconds: float) -> bool:
 
 def forget_keys(terminal: IO[str]) -> None:
     """Forgets what was typed before a question, which it does not answer; nothing if this is no terminal."""
-    if not terminal.isatty():
-        return
-    if not IS_WINDOWS:
+    if terminal.isatty() and not IS_WINDOWS:
         termios.tcflush(terminal, termios.TCIFLUSH)
-    while IS_WINDOWS and _msvcrt.kbhit():
+    while terminal.isatty() and IS_WINDOWS and _msvcrt.kbhit():
         _msvcrt.getwch()
 
 
