@@ -13,6 +13,7 @@ from frida_painter.errors import CalibrationError, ConfigError
 from frida_painter.perception.landmarks import find_canvas
 from frida_painter.perception.markers import find_camera_motion
 from frida_painter.perception.snapshot import find_corners
+from frida_painter.session.observer import CanvasObserver
 from frida_painter.virtual.camera import CameraSpec
 from frida_painter.virtual.printed import Printer
 from frida_painter.virtual.studio import StudioSettings, VirtualStudio, open_studio
@@ -116,8 +117,18 @@ def test_a_moved_camera_is_told_from_a_canvas_that_was_moved() -> None:
     record = lead(canvas(studio.easel), lambda question: question.proposal).enter(studio.easel.calibration)
     still = find_camera_motion(photograph(studio), record)
     assert still.far < 0.0001 and still.moved == ()
-    studio.camera.push(0.4, 0.3)
+    looking = CanvasObserver(replace(studio.easel, calibration=record))
+    before = looking.photograph(-1.0).image.astype(float)
+    assert not looking.moved
+    studio.camera.push(4.0, 3.0)
+    after = looking.photograph(-1.0).image.astype(float)
+    shifted = photograph(studio).astype(float)
+    assert "moved" in looking.moved and np.abs(after - before).mean() < np.abs(shifted - before).mean() / 2
+    studio.camera.push(-3.6, -2.7)
     assert find_camera_motion(photograph(studio), record).far == pytest.approx(0.0005, abs=0.0001)
+    studio.camera.push(-0.4, -0.3)
+    looking.photograph(-1.0)
+    assert not looking.moved, "it stands where it was"
     assert find_camera_motion(np.zeros_like(usual()), record) is None
 
 
