@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import IO, Any
 
 import pytest
 from PIL import Image
@@ -20,6 +20,7 @@ from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused, WentOn
 from frida_painter.session.fold import PaintingState
 from frida_painter.system import python_process
+from frida_painter.system.operating_system import forget_keys
 from frida_painter_cli import commands
 from frida_painter_cli.leading import Leader
 from frida_painter_studio.web_app_easel import WebAppEasel
@@ -176,67 +177,30 @@ class Run:
         ("person", True, None, True),  # the pause file is removed
         ("person", False, None, True),  # it was gone before the robot stood still
         ("trouble", False, None, False),  # nobody is here
-        ("trouble", False, "\n", True),
-        ("turn", False, "\n", True),
+        ("trouble", False, "go\n", True),
+        ("turn", False, "\nno\nGo \n", True),
     ],
 )
 def test_a_pause_ends_as_whoever_sits_at_the_terminal_wants_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cause: Any, file: bool, typed: str | None, goes_on: bool
 ) -> None:
     keyboard, screen = os.openpty()
-    stdin = os.fdopen(screen) if typed is not None else io.StringIO()
-    monkeypatch.setattr(sys, "stdin", stdin)
+
+    def ask(terminal: IO[str]) -> None:
+        """Types the answer as soon as what was typed before is forgotten."""
+        forget_keys(terminal)
+        os.write(keyboard, (typed or "").encode())
+
+    monkeypatch.setattr("frida_painter_cli.leading.forget_keys", ask)
     monkeypatch.setattr("frida_painter_cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
-    run: Any = Run(tmp_path)
-    leader = Leader(run, SimpleNamespace(asked=False), asked=False, started=0.0)  # type: ignore[arg-type]
-    if file:
-        (tmp_path / "pause").touch()
-        assert leader._pause_cause() == "person"
-        threading.Timer(0.3, (tmp_path / "pause").unlink).start()
-    if typed is not None:
-        os.write(keyboard, typed.encode())
-    assert leader._go_on(Paused("It waits.", 3, cause)) is goes_on
-    assert run.told == ([WentOn()] if goes_on else [])
-    os.close(keyboard)
-    stdin.close()
-
-
-@pytest.mark.parametrize("file", [True, False])
-def test_a_pause_of_the_pause_file_is_ended_by_a_page_too_and_what_was_owed_is_done_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: bool
-) -> None:
-    monkeypatch.setattr("frida_painter_cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
-    asked: list[Any] = []
-
-    def go_on(paused: Paused) -> bool:
-        run.painting.hear(paused)
-        asked.append(leader._pause_cause())  # as while it replans in the pause
-        return True
-
-    conductor = SimpleNamespace(go_on=go_on, pause_cause=lambda: "person")
-    monkeypatch.setattr("frida_painter_cli.leading._lead_from_pages", lambda *_: conductor)
-    (tmp_path / "inbox.jsonl").touch()
-    run: Any = Run(tmp_path)
-    leader = Leader(run, SimpleNamespace(asked=False), asked=False, started=0.0)  # type: ignore[arg-type]
-    assert leader._pause_cause() == "person", "what a page asked for before is done before a stroke"
-    if file:
-        (tmp_path / "pause").touch()
-        assert leader._pause_cause() == "person"
-    assert leader._go_on(Paused("It waits.", 3, "person")) and asked == [None]
-    assert not (tmp_path / "pause").exists()
-
-
-def test_a_stop_at_a_page_ends_a_question_at_the_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("frida_painter_cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
-    monkeypatch.setattr("frida_painter_cli.leading._lead_from_pages", lambda *_: SimpleNamespace())
-    keyboard, screen = os.openpty()
-    with os.fdopen(screen) as stdin:
-        monkeypatch.setattr(sys, "stdin", stdin)
+    with os.fdopen(keyboard, "wb"), os.fdopen(screen) as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal if typed is not None else io.StringIO())
         run: Any = Run(tmp_path)
-        stop: Any = SimpleNamespace(asked=False)
-        leader = Leader(run, stop, asked=True, started=0.0, propose="command:true {canvas}")
-        proposer: Any = leader._proposer
-        threading.Timer(0.3, lambda: setattr(run, "is_stopped", True)).start()
-        with pytest.raises(Interrupted):
-            proposer._ask("What shall change? ")
-    os.close(keyboard)
+        leader = Leader(run, SimpleNamespace(asked=False), asked=False, started=0.0)  # type: ignore[arg-type]
+        if file:
+            (tmp_path / "pause").touch()
+            assert leader._pause_cause() == "person"
+            threading.Timer(0.3, (tmp_path / "pause").unlink).start()
+        assert leader._go_on(Paused("It waits.", 3, cause)) is goes_on
+        assert run.told == ([WentOn()] if goes_on else [])
+        leader._over.set()
