@@ -19,7 +19,7 @@ from served import Served
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 PATIENCE = 60_000  # ms; the machine that tests may be busy
 SCREENSHOTS = Path(__file__).parents[1] / ".screenshots"  # of every run, for people to look at
-ENOUGH = 600.0  # seconds for everything here; a browser that hangs is not waited for by any other clock
+ENOUGH = 600.0  # seconds from one window to the next; a browser that hangs is not waited for by any other clock
 ARGUMENTS = ["--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
 BEGIN = """async () => {
   const api = await import("/static/api.js");
@@ -67,6 +67,7 @@ def chromium() -> Iterator[Browser]:
 @contextmanager
 def window(browser: Browser, studio: Served, width: int, height: int, **more: Any) -> Iterator[Page]:
     """A window of that size, in which nothing may go wrong unnoticed; more: as of `Browser.new_context`."""
+    faulthandler.dump_traceback_later(ENOUGH, exit=True)
     context = browser.new_context(viewport={"width": width, "height": height}, **more)
     opened = context.new_page()
     opened.set_default_timeout(PATIENCE)

@@ -7,7 +7,7 @@ that no processor waits at the end for the other. There is one process more than
 a clock.
 
 Tests that failed run once more at the end, alone: some of them talk to programs that have deadlines of their own, which
-a busy machine may miss. A test that then passes is named, and fails nothing.
+a busy machine may miss. A test that then passes is named, and fails nothing. A group that was killed runs whole.
 
 `--quick` runs only the tests that are not in tests/seconds.txt, with few examples of each property.
 `--renew` writes what was measured in this run to tests/seconds.txt: tests that took too long for `--quick` are added,
@@ -157,7 +157,7 @@ def run_groups(groups: list[list[str]], options: list[str], jobs: int) -> list[l
             else:
                 told.append(why)
     for number in again:
-        child, said = start_group([*options, *remember(number), "--last-failed", "--lfnf=none", *groups[number]])
+        child, said = start_group([*options, *remember(number), "--last-failed", "--lfnf=all", *groups[number]])
         _, status = os.waitpid(child, 0)
         code = os.waitstatus_to_exitcode(status)
         print("Once more, alone:", flush=True)
