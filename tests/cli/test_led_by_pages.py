@@ -204,3 +204,44 @@ def test_a_pause_ends_as_whoever_sits_at_the_terminal_wants_it(
         assert leader._go_on(Paused("It waits.", 3, cause)) is goes_on
         assert run.told == ([WentOn()] if goes_on else [])
         leader._over.set()
+
+
+@pytest.mark.parametrize("file", [True, False])
+def test_a_pause_of_the_pause_file_is_ended_by_a_page_too_and_what_was_owed_is_done_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: bool
+) -> None:
+    monkeypatch.setattr("frida_painter_cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
+    asked: list[Any] = []
+
+    def go_on(paused: Paused) -> bool:
+        run.painting.hear(paused)
+        asked.append(leader._pause_cause())  # as while it replans in the pause
+        return True
+
+    conductor = SimpleNamespace(go_on=go_on, pause_cause=lambda: "person")
+    monkeypatch.setattr("frida_painter_cli.leading._lead_from_pages", lambda *_: conductor)
+    (tmp_path / "inbox.jsonl").touch()
+    run: Any = Run(tmp_path)
+    leader = Leader(run, SimpleNamespace(asked=False), asked=False, started=0.0)  # type: ignore[arg-type]
+    assert leader._pause_cause() == "person", "what a page asked for before is done before a stroke"
+    if file:
+        (tmp_path / "pause").touch()
+        assert leader._pause_cause() == "person"
+    assert leader._go_on(Paused("It waits.", 3, "person")) and asked == [None]
+    assert not (tmp_path / "pause").exists()
+
+
+def test_a_stop_at_a_page_ends_a_question_at_the_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("frida_painter_cli.leading.replace", lambda controls, **more: SimpleNamespace(**more))
+    monkeypatch.setattr("frida_painter_cli.leading._lead_from_pages", lambda *_: SimpleNamespace())
+    keyboard, screen = os.openpty()
+    with os.fdopen(screen) as stdin:
+        monkeypatch.setattr(sys, "stdin", stdin)
+        run: Any = Run(tmp_path)
+        stop: Any = SimpleNamespace(asked=False)
+        leader = Leader(run, stop, asked=True, started=0.0, propose="command:true {canvas}")
+        proposer: Any = leader._proposer
+        threading.Timer(0.3, lambda: setattr(run, "is_stopped", True)).start()
+        with pytest.raises(Interrupted):
+            proposer._ask("What shall change? ")
+    os.close(keyboard)
