@@ -53,6 +53,11 @@ class FlatField:
         return cls(logarithm)
 
     @classmethod
+    def even(cls) -> Self:
+        """Returns even white light."""
+        return cls(torch.zeros(3, len(_PAIRS)))
+
+    @classmethod
     def learn(cls, bare: Tensor, ground: tuple[float, float, float], free: Tensor | None = None) -> Self:
         """Learns the field from a rectified photograph of the bare canvas.
 
@@ -172,9 +177,10 @@ def _chebyshev(count: int) -> Tensor:
 
 Color = tuple[float, float, float]
 _ROWS = 256
-_PLACES = 12  # on each side of the canvas
+_PLACES = 12  # on each side of the canvas, for the light
 _BAND = (0.004, 0.012)  # distance from the edge in metres
 _ACROSS, _ALONG = 8, 9  # samples of a place
+_SHOWN = 0.25  # share of a place inside the photograph
 _MARGIN_DIMMEST = 0.003  # linear light; darker places show only noise
 _FEWEST = 16  # places
 _MARGIN_MAX_RESIDUAL = 0.1
@@ -197,7 +203,7 @@ def bare_canvas(
         outline = rectified_pixels(card, calibration, grid).round().astype(np.int32)
         free = torch.from_numpy(cv2.fillPoly(covered, [outline], 1) == 0)
     light = FlatField.learn(rectify(photograph, calibration, grid), WHITE, free)
-    seen = _margin(photograph, calibration, size)
+    seen = read_margin(photograph, calibration, size)
     margin = tuple(None if np.isnan(place).any() else tuple(place.tolist()) for place in seen)
     return BareCanvas(tuple(map(tuple, light.logarithm.tolist())), margin)
 
@@ -215,14 +221,14 @@ def light_by_margin(photograph: NDArray[np.uint8], calibration: Calibration, siz
             "white canvas once, and repeat the canvas calibration: frida-painter calibrate canvas"
         )
     before = np.array([(np.nan,) * 3 if place is None else place for place in known.margin])
-    change = np.log(_margin(photograph, calibration, size) / before)
+    change = np.log(read_margin(photograph, calibration, size) / before)
     usable = np.isfinite(change).all(1)
     if not usable.sum() >= _FEWEST:
         raise FrameRejected(
             f"Only {usable.sum()} of {len(usable)} places around the canvas can be seen in the photograph, and at "
             f"least {_FEWEST} tell what the light does; lay something brighter around the canvas, and leave room there."
         )
-    row, column = _margin_places(size).mean(1).T
+    row, column = _margin_places(size, _PLACES, _BAND).mean(1).T
     field = FlatField(torch.tensor(known.light))
     changed, residual = field.fit_tilt(
         torch.from_numpy(change[usable]).T, torch.from_numpy(row[usable]), torch.from_numpy(column[usable])
@@ -253,10 +259,21 @@ def is_evenly(canvas: Tensor, color: Color, tolerance: float = _UNLIKE) -> bool:
     return share_unlike(canvas, color, tolerance) <= _MAX_TOUCHED
 
 
-def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> NDArray[np.float64]:
-    """Returns linear light [places, 3] around the canvas; NaN if a place is not visible or too dark."""
+def read_margin(
+    photograph: NDArray[np.uint8],
+    calibration: Calibration,
+    size: CanvasSize,
+    places: int = _PLACES,
+    band: tuple[float, float] = _BAND,
+) -> NDArray[np.float64]:
+    """Returns linear light [4 places, 3] around the canvas, clockwise from its top left.
+
+    places: on each side
+    band: distances from the edge in metres
+    NaN if a place is not visible or too dark. Raises FrameRejected like `require_photograph`.
+    """
     require_photograph(photograph, calibration)
-    place = _margin_places(size)  # [places, samples, 2], (row, column) in [-1, 1] over the canvas
+    place = _margin_places(size, places, band)  # [places, samples, 2], (row, column) in [-1, 1] over the canvas
     grid = PixelGrid.of_height(size, _ROWS)
     side = np.array([grid.columns, grid.rows])
     pixel = (place[..., ::-1].reshape(-1, 2) + 1) / 2 * side - 0.5
@@ -264,22 +281,23 @@ def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: Canva
     inside = np.all((seen >= 0) & (seen <= np.array(photograph.shape[1::-1]) - 1), axis=1)
     column, row = np.where(inside[:, None], seen, 0).round().astype(int).T
     light = light_of_bytes(photograph[row, column]).astype(np.float64)
-    light[~inside] = np.nan
-    mean = light.reshape(*place.shape[:2], 3).mean(1)
-    mean[(mean < _MARGIN_DIMMEST).any(1)] = np.nan
+    shown = inside.reshape(place.shape[:2])
+    light = (light * inside[:, None]).reshape(*shown.shape, 3)
+    mean = np.asarray(light.sum(1) / np.maximum(shown.sum(1), 1)[:, None], np.float64)
+    mean[(mean < _MARGIN_DIMMEST).any(1) | (shown.mean(1) < _SHOWN)] = np.nan
     return mean
 
 
-def _margin_places(size: CanvasSize) -> NDArray[np.float64]:
+def _margin_places(size: CanvasSize, places: int, band: tuple[float, float]) -> NDArray[np.float64]:
     """Returns samples [places, samples, 2] around the canvas, clockwise from its top left.
 
     Coordinates are (row, column), -1 to 1 over the canvas.
     """
-    along = (np.arange(_PLACES) + 0.5) / _PLACES * 2 - 1
+    along = (np.arange(places) + 0.5) / places * 2 - 1
     step = (np.arange(_ALONG) + 0.5) / _ALONG * 2 - 1
-    at = along[:, None, None] + step[:, None] / _PLACES + np.zeros(_ACROSS)  # [places of a side, along, across]
+    at = along[:, None, None] + step[:, None] / places + np.zeros(_ACROSS)  # [places of a side, along, across]
     sides = []
     for down, out, half in ((0, -1, size.height), (1, 1, size.width), (0, 1, size.height), (1, -1, size.width)):
-        away = np.broadcast_to(out * (1 + np.linspace(*_BAND, _ACROSS) / (half / 2)), at.shape)
-        sides.append(np.stack((at, away) if down else (away, at), -1).reshape(_PLACES, -1, 2))
+        away = np.broadcast_to(out * (1 + np.linspace(*band, _ACROSS) / (half / 2)), at.shape)
+        sides.append(np.stack((at, away) if down else (away, at), -1).reshape(places, -1, 2))
     return np.concatenate(sides)

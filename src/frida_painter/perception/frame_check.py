@@ -5,6 +5,7 @@ each photograph is registered with it. The content is compared with the expectat
 strokes nothing may have changed. At a place with new strokes it may look as before, as planned, or in between.
 """
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Self
 
@@ -18,12 +19,13 @@ from torch.nn import functional
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
+from frida_painter.perception.edges import trace_sides
+from frida_painter.perception.flatfield import read_margin
 from frida_painter.perception.rectify import pixels_per_metre
 from frida_painter.perception.registration import (
     COARSEST,
     CanvasShift,
     CanvasView,
-    PaperEdge,
     Pixels,
     Registration,
     Verdict,
@@ -40,6 +42,10 @@ _BLURRED = 0.0008  # and in metres; the larger one counts
 _LIGHT = (0.7, 1.4)  # allowed light relative to the expectation, median over all places
 _CLIPPED = 253  # bytes
 _MAX_CLIPPED = 0.02  # more of the canvas than in the good photograph
+_PLACES = 48  # along each side, at which the light beside the canvas is compared
+_BESIDE_EDGE = (0.006, 0.012)  # metres from the edge; a canvas that was bumped lies nearer
+_DIMMEST = 0.01  # linear light: the camera's noise
+_OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, relative to that of all places
 _MAX_COVERED = 0.015  # metres along the edge
 _CELL = 0.006  # metres; side of the squares in which the canvas is compared
 _BESIDE = 2  # squares
@@ -87,7 +93,8 @@ class Expected:
 class FrameCheck:
     """Reference for the photographs of one camera and one canvas.
 
-    edge: edge of the canvas
+    softness: of the canvas's edges in pixels; NaN if they are not visible
+    margin [places, 3]: linear light around the canvas
     clipped: share of the canvas that is overexposed
     view: plane of the canvas as the camera sees it
     last: last good photograph in that view, from CanvasView.light
@@ -96,7 +103,8 @@ class FrameCheck:
 
     calibration: Calibration
     size: CanvasSize
-    edge: PaperEdge
+    softness: float
+    margin: NDArray[np.float64] = field(repr=False)
     clipped: float
     view: CanvasView = field(repr=False)
     last: Pixels = field(repr=False)
@@ -114,9 +122,10 @@ class FrameCheck:
 
         last: a later photograph of the same canvas; None if there is none
         """
-        edge = PaperEdge.read(photograph, calibration.corners, _REACH * pixels_per_metre(calibration, size))
         view, clipped = CanvasView.of(calibration, size), _clipped_share(photograph, calibration)
-        return cls(calibration, size, edge, clipped, view, view.light(photograph if last is None else last))
+        soft, margin = _softness(photograph, calibration, size), _margin(photograph, calibration, size)
+        last_light = view.light(photograph if last is None else last)
+        return cls(calibration, size, soft, margin, clipped, view, last_light)
 
     def require(
         self, photograph: NDArray[np.uint8], seen: Tensor, expected: Expected | None, *, doubtful: bool = False
@@ -135,15 +144,14 @@ class FrameCheck:
                 "the canvas, bring less light, or expose shorter."
             )
         pixels = pixels_per_metre(self.calibration, self.size)
-        edge = PaperEdge.read(photograph, self.calibration.corners, _REACH * pixels)
-        blur = edge.blurring_since(self.edge)
+        blur = _softness(photograph, self.calibration, self.size) - self.softness
         if blur > max(_MAX_BLUR, _BLURRED * pixels):
             raise FrameRejected(
                 f"The photograph is blurred: the edge of the canvas is {blur:.1f} pixels wider than it was. Focus the "
                 "camera, and see that nothing shakes it."
             )
         found = self.register(photograph, expected)
-        covered = edge.covered_since(self.edge) * 2 * (self.size.width + self.size.height) / len(edge.table)
+        covered = self._measure_covered(_margin(photograph, self.calibration, self.size))
         if covered > _MAX_COVERED:
             raise FrameRejected(
                 f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide, or the canvas was moved "
@@ -180,6 +188,16 @@ class FrameCheck:
             strokes = before, after
         return register(self.view, self.view.light(photograph), self.last, strokes, self.drift)
 
+    def _measure_covered(self, margin: NDArray[np.float64]) -> float:
+        """Returns the greatest length in metres along the edge over which something new reaches; lamps do not count."""
+        share = (margin.mean(1) + _DIMMEST) / (self.margin.mean(1) + _DIMMEST)
+        strange = np.abs(np.log(share / float(np.median(share)))) > _OTHER_LIGHT
+        longest = run = 0
+        for place in np.concatenate((strange, strange)):  # goes on past the first corner
+            run = run + 1 if place else 0
+            longest = max(longest, run)
+        return min(longest, len(strange)) * 2 * (self.size.width + self.size.height) / len(strange)
+
     def _require_light(self, seen: Tensor, expected: Expected) -> None:
         light = to_linear(images.fit(seen, *_shape(self.size))) + 0.02
         wanted = to_linear(images.fit(expected.after, *_shape(self.size))) + 0.02
@@ -212,6 +230,15 @@ def _cells(picture: Tensor, size: CanvasSize) -> Tensor:
     """Returns the picture [3, H, W] in coarse squares, CIELAB [3, rows, columns]."""
     coarse = functional.adaptive_avg_pool2d(picture[None], _shape(size))[0]
     return to_lab(coarse.permute(1, 2, 0)).permute(2, 0, 1)
+
+
+def _softness(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> float:
+    sides = trace_sides(photograph, calibration.corners, _REACH * pixels_per_metre(calibration, size))
+    return math.nan if sides is None else sides.softness
+
+
+def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> NDArray[np.float64]:
+    return np.nan_to_num(read_margin(photograph, calibration, size, _PLACES, _BESIDE_EDGE))
 
 
 def _clipped_share(photograph: NDArray[np.uint8], calibration: Calibration) -> float:

@@ -1,5 +1,6 @@
 """Detection in photographs: the outline of the canvas, and new dots of paint."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
@@ -17,23 +18,15 @@ from frida_painter.calibration import Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens, PixelGrid
+from frida_painter.perception.edges import fit_line, intersect, measure_distance, trace_sides
 from frida_painter.perception.markers import MarkedCanvas, find_marks, read_pieces
 from frida_painter.system.images import light_of_bytes, to_linear
 
-# Outline of the canvas with subpixel accuracy, and distortion of the lens
+# Outline of the canvas, and distortion of the lens
 #
-# The four sides are searched around four rough corners. A side is the straight line with a step of colour at most
-# of its places (a vote, as in P. Hough's transform); paint and objects seldom look like that. The canvas has
-# straight edges, so if all four look curved, the lens is the cause (F. Devernay and O. Faugeras, "Straight lines
-# have to be straight", 2001).
+# The canvas has straight edges, so if all four look curved, the lens is the cause (F. Devernay and O. Faugeras,
+# "Straight lines have to be straight", 2001).
 
-_PLACES = 240  # places along each side
-_MARGIN = 0.02  # share of a side at its ends that is left out, because the next side disturbs there
-_FINE = 2  # samples a pixel across the edge
-_SIGMA = 1.5  # pixels; scale of the derivative filter
-_MIN_STEP = 0.04  # of light, relative to the brightest part of the photograph
-_CLOSE = 2.5  # distance in pixels from the line within which a step votes for it
-_ROUNDS = 6
 _CERTAIN = 5.0  # standard deviations from zero at which a lens is accepted
 _BELIEVABLE = 0.15  # largest distortion at the photograph's corner
 
@@ -46,6 +39,7 @@ class Outline:
     lens: distortion; None if it is not measurable
     support: share of the places of a side with a visible edge, for the worst side; 0 if only the pieces tell
     residual: root mean square distance of these places from straight lines, in pixels
+    softness: pixels between a fifth and four fifths of the step at an edge; NaN if no edge is visible
     marked: the canvas by the printed pieces at its corners; None if there are none
     """
 
@@ -53,6 +47,7 @@ class Outline:
     lens: Lens | None
     support: float
     residual: float
+    softness: float = math.nan
     marked: MarkedCanvas | None = None
 
 
@@ -61,98 +56,22 @@ def trace_outline(photograph: NDArray[np.uint8], corners: Corners, reach: float)
 
     photograph [rows, columns, 3]: uint8 sRGB
     """
-    light = light_of_bytes(photograph)
-    light = (light / max(float(np.percentile(light[::4, ::4], 95)), 1e-3)).astype(np.float32)
-    rough = np.array(corners, np.float64)
-    sides = [_edge(light, start, end, reach) for start, end in zip(rough, np.roll(rough, -1, 0), strict=True)]
-    if min(len(points) for points in sides) < 0.1 * _PLACES:
+    sides = trace_sides(photograph, corners, reach)
+    if sides is None:
         return None
-    lens = _lens(sides, photograph.shape[:2])
-    straight = [points if lens is None else lens.undistort(points) for points in sides]
-    lines = [_line(points) for points in straight]
-    pairs = [(lines[number - 1], lines[number]) for number in range(4)]
-    normals = np.array([(one[0], other[0]) for one, other in pairs])
-    if not (np.abs(np.linalg.det(normals)) > 1e-6).all():
-        return None  # two of them are parallel
-    meeting = np.linalg.solve(normals, np.array([(one[1], other[1]) for one, other in pairs])[..., None])[..., 0]
+    lens = _lens(sides.points, photograph.shape[:2])
+    straight = [points if lens is None else lens.undistort(points) for points in sides.points]
+    lines = [fit_line(points) for points in straight]
+    meeting = intersect(lines)
+    if meeting is None:
+        return None
     found = meeting if lens is None else lens.distort(meeting)
-    off = np.concatenate([_distance(line, points) for line, points in zip(lines, straight, strict=True)])
-    support = min(len(points) for points in sides) / _PLACES
-    return Outline(
-        tuple((float(x), float(y)) for x, y in found), lens, support, float(np.sqrt(np.mean(np.square(off))))
-    )
+    off = np.concatenate([measure_distance(line, points) for line, points in zip(lines, straight, strict=True)])
+    residual = float(np.sqrt(np.mean(np.square(off))))
+    return Outline(tuple(map(tuple, found.tolist())), lens, sides.support, residual, sides.softness)
 
 
-def _edge(
-    light: NDArray[np.float32], start: NDArray[np.float64], end: NDArray[np.float64], reach: float
-) -> NDArray[np.float64]:
-    """Returns points [k, 2] on the edge that runs approximately from `start` to `end`."""
-    way = end - start
-    outward = np.array([way[1], -way[0]]) / np.hypot(*way)  # the corners are in clockwise order
-    along = np.linspace(_MARGIN, 1 - _MARGIN, _PLACES)
-    offset = np.arange(-reach - 4 * _SIGMA, reach + 4 * _SIGMA, 1 / _FINE)
-    places = (start + along[:, None] * way)[:, None] + offset[:, None] * outward  # [places, offsets, 2]
-    column, row = (np.ascontiguousarray(part, np.float32) for part in np.moveaxis(places, -1, 0))
-    seen = cv2.remap(light, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    slope = _slope(np.asarray(seen, np.float32))  # [places, offsets]
-    peak = np.zeros_like(slope, bool)
-    peak[:, 1:-1] = (slope[:, 1:-1] >= slope[:, :-2]) & (slope[:, 1:-1] > slope[:, 2:])
-    peak &= (slope > _MIN_STEP) & (np.abs(offset) <= reach)
-    line = _vote(peak, along, offset, reach)
-    for _ in range(_ROUNDS):
-        expected = np.polynomial.polynomial.polyval(along, line)
-        distance = np.where(peak, np.abs(offset - expected[:, None]), np.inf)
-        nearest = distance.argmin(1)
-        place = np.flatnonzero(distance[np.arange(_PLACES), nearest] <= _CLOSE)
-        if len(place) < 0.1 * _PLACES:
-            return np.empty((0, 2))
-        # The steepest slope between samples: the vertex of the parabola through three of them.
-        top = nearest[place]
-        before, at, after = slope[place, top - 1], slope[place, top], slope[place, top + 1]
-        exact = offset[top] + (before - after) / (2 * np.minimum(before - 2 * at + after, -1e-9)) / _FINE
-        # A parabola follows the curvature by the lens, so the ends of the side stay included.
-        line = np.asarray(np.polynomial.polynomial.polyfit(along[place], exact, 2), np.float64)
-    return start + along[place, None] * way + exact[:, None] * outward
-
-
-def _slope(seen: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Returns the change of colour [places, offsets, 3] across the edge: [places, offsets]; at a step its height.
-
-    Computed in linear light, in which blur does not move an edge.
-    """
-    reach = round(4 * _SIGMA * _FINE)
-    place = np.arange(-reach, reach + 1) / (_SIGMA * _FINE)
-    kernel = -place * np.exp(-(place**2) / 2)
-    kernel /= np.abs(kernel).sum() / 2
-    changes = [cv2.filter2D(np.ascontiguousarray(seen[..., band]), cv2.CV_32F, kernel[None]) for band in range(3)]
-    slope: NDArray[np.float64] = np.sqrt(np.square(changes).sum(0))
-    return slope
-
-
-def _vote(
-    peak: NDArray[np.bool_], along: NDArray[np.float64], offset: NDArray[np.float64], reach: float
-) -> NDArray[np.float64]:
-    """Returns the straight line through the most peaks: offset at its start, and growth to its end.
-
-    Of nearly equal lines the outermost wins, because paint along an edge lies inside it.
-    """
-    ends = np.arange(-reach, reach + 1)
-    votes = np.zeros((len(ends), len(ends)))
-    near = cv2.dilate(peak.astype(np.uint8), np.ones((1, 2 * _FINE + 1), np.uint8)).astype(bool)
-    for row, share in zip(near, along, strict=True):
-        expected = (1 - share) * ends[:, None] + share * ends[None]
-        votes += row[np.rint((expected - offset[0]) * _FINE).astype(int).clip(0, len(offset) - 1)]
-    outermost = (ends[:, None] + ends[None]) / 2
-    good = votes >= 0.9 * votes.max()
-    first, last = np.unravel_index(np.where(good, outermost + 1e-3 * votes, -np.inf).argmax(), votes.shape)
-    # The best line near that one: the outermost vote of a broad peak is off its centre.
-    around = np.s_[max(0, first - 3) : first + 4, max(0, last - 3) : last + 4]
-    inner = np.unravel_index(votes[around].argmax(), votes[around].shape)
-    a, b = ends[around[0]][inner[0]], ends[around[1]][inner[1]]
-    return np.array([a, b - a], np.float64)
-
-
-def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | None:
+def _lens(sides: tuple[NDArray[np.float64], ...], shape: tuple[int, ...]) -> Lens | None:
     """Returns the radial distortion that straightens the sides; None if it is uncertain.
 
     The distortion is centred on the photograph's middle.
@@ -166,34 +85,12 @@ def _lens(sides: list[NDArray[np.float64]], shape: tuple[int, ...]) -> Lens | No
 
     def off(bending: float) -> NDArray[np.float64]:
         straight = [lens(bending).undistort(points) for points in sides]
-        return np.concatenate([_distance(_line(points), points) for points in straight])
+        return np.concatenate([measure_distance(fit_line(points), points) for points in straight])
 
     found = least_squares(lambda unknown: off(float(unknown[0])), 0.0, bounds=(-_BELIEVABLE, _BELIEVABLE))
     bending, change = float(found.x[0]), found.jac[:, 0]
     deviation = float(np.sqrt(np.mean(np.square(found.fun)) / (change @ change)))
     return lens(bending) if _CERTAIN * deviation < abs(bending) < _BELIEVABLE else None
-
-
-Line = tuple[NDArray[np.float64], float]
-"""Normal and distance: a line of all points p with normal . p = distance."""
-
-
-def _line(points: NDArray[np.float64]) -> Line:
-    """Returns the best line through points [k, 2], with falling weights of outliers."""
-    weight = np.ones(len(points))
-    for _ in range(_ROUNDS):
-        middle = weight @ points / weight.sum()
-        spread = (points - middle) * np.sqrt(weight)[:, None]
-        normal = np.linalg.eigh(spread.T @ spread)[1][:, 0]
-        line = normal, float(normal @ middle)
-        away = _distance(line, points)
-        usual = 1.5 * np.median(np.abs(away)) + 1e-3
-        weight = 1 / (1 + (away / (3 * usual)) ** 2) ** 2
-    return line
-
-
-def _distance(line: Line, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    return points @ line[0] - line[1]
 
 
 _SMALL = 400  # longest side of the picture in which candidates are searched
@@ -263,7 +160,7 @@ def _trace_marked(photograph: NDArray[np.uint8], size: CanvasSize) -> Outline | 
             assert exact is not None
             exact.require_size(size)
             return replace(near, marked=exact)
-    return Outline(corners, None, 0.0, rough.off * pixels, rough)
+    return Outline(corners, None, 0.0, rough.off * pixels, marked=rough)
 
 
 def _candidates(photograph: NDArray[np.uint8]) -> Iterator[NDArray[np.float64]]:

@@ -17,8 +17,8 @@ from frida_painter.calibration import Calibration, Matrix
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens
+from frida_painter.perception.edges import fit_line, intersect, trace_sides
 from frida_painter.perception.rectify import pixels_per_metre
-from frida_painter.perception.registration import PaperEdge
 from frida_painter.system.images import light_of_bytes
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
@@ -39,7 +39,7 @@ PATCH_MIDDLES = tuple((0.010 * (column - 5.5), 0.0065 - 0.013 * row) for row in 
 PATCH = (0.0075, 0.009)
 """Width and height of a patch, metres."""
 _SIGNS = np.array([(-1, 1), (1, 1), (1, -1), (-1, -1)])  # of x and y, for the corners in their order
-_FEWEST, _FEWEST_PLACES = 3, 12
+_FEWEST = 3  # pieces
 _WORST_FIT = 0.0015  # metres; root mean square of a marker's corners
 _SCALE, _UNEQUAL = 0.012, 0.012  # print relative to the canvas: allowed error, and difference of width and height
 
@@ -89,24 +89,14 @@ def find_marks(photograph: NDArray[np.uint8]) -> Marks:
 
 
 def _refine(photograph: NDArray[np.uint8], corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns corners [4, 2] where straight lines along a marker's four black sides meet.
+    """Returns corners [4, 2] at which straight lines along a marker's four black sides meet.
 
     The detector's own corners lie up to half a pixel inside, in bytes instead of light.
     """
     module = float(np.linalg.norm(np.roll(corners, -1, 0) - corners, axis=1).mean()) / 6
-    edge = PaperEdge.read(photograph, tuple(map(tuple, corners.tolist())), max(0.7 * module, 2.5))
-    points = (edge.place + edge.offset[:, None] * edge.outward).reshape(4, -1, 2)
-    lines = []
-    for side in points:
-        seen = side[np.isfinite(side).all(1)]
-        if len(seen) < _FEWEST_PLACES:
-            return corners
-        line = cv2.fitLine(seen.astype(np.float32), cv2.DIST_HUBER, 0, 0.01, 0.01).ravel().astype(np.float64)
-        normal = np.array([line[1], -line[0]])
-        lines.append(np.append(normal, -normal @ line[2:]))
-    meeting = np.array([np.cross(lines[number - 1], lines[number]) for number in range(4)])
-    refined = meeting[:, :2] / meeting[:, 2:]
-    return refined if np.abs(refined - corners).max() < module else corners
+    sides = trace_sides(photograph, tuple(map(tuple, corners.tolist())), max(0.7 * module, 2.5))
+    refined = None if sides is None else intersect([fit_line(points) for points in sides.points])
+    return corners if refined is None or np.abs(refined - corners).max() >= module else refined
 
 
 def _detect(grey: NDArray[np.uint8]) -> tuple[list[int], list[NDArray[np.float64]]]:

@@ -15,152 +15,15 @@ from typing import Any, Self
 
 import cv2
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
-from frida_painter.calibration import Calibration, Corners
+from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.frames import PixelGrid
+from frida_painter.perception.flatfield import FlatField
 from frida_painter.perception.rectify import photographed_pixels, pixels_per_metre
 from frida_painter.system.images import light_of_bytes
-
-# Edge of a sheet of paper in a photograph, to detect motion and blur
-#
-# Each photograph shows the edge, also the first one of a bare sheet, and paint does not cover it.
-
-_PLACES = 48  # places along each side
-_MARGIN = 0.06  # share of a side at its ends that is left out
-_FINE = 2  # samples a pixel across the edge
-_MIN_STEP = 0.06  # of linear light, between table and paper
-_MIN_SEEN = 0.5  # share of the places of a side
-_MIN_LEFT = 0.2
-_DIMMEST = 0.01  # linear light: the camera's noise
-_OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, relative to that of all places
-_ROUNDS = 6
-
-
-@dataclass(frozen=True)
-class PaperEdge:
-    """Measured edge of the paper at 48 places of each side.
-
-    place, outward [4 x 48, 2]: points (column, row) around the paper, and the direction outwards
-    offset [4 x 48]: distance of the edge from its point outwards in pixels; NaN if it is not visible
-    width [4 x 48]: pixels between a fifth and four fifths of the step; NaN if it is not visible
-    table [4 x 48]: linear light just outside the edge
-    """
-
-    place: NDArray[np.float64]
-    outward: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    width: NDArray[np.float64]
-    table: NDArray[np.float64]
-
-    @classmethod
-    def read(cls, photograph: NDArray[np.uint8], corners: Corners, reach: float) -> Self:
-        """Measures the edge within `reach` pixels of the four sides between the corners.
-
-        photograph [rows, columns, 3]: uint8 sRGB
-        corners: in clockwise order
-        """
-        start = np.array(corners, np.float64)
-        way = np.roll(start, -1, 0) - start
-        outward = np.stack((way[:, 1], -way[:, 0]), 1) / np.linalg.norm(way, axis=1, keepdims=True)
-        along = np.linspace(_MARGIN, 1 - _MARGIN, _PLACES)
-        place = (start[:, None] + along[:, None] * way[:, None]).reshape(-1, 2)
-        outward = np.repeat(outward, _PLACES, 0)
-        step = np.arange(-reach, reach + 0.5 / _FINE, 1 / _FINE)
-        samples = (place[:, None] + step[:, None] * outward[:, None]).astype(np.float32)
-        column, row = samples[..., 0], samples[..., 1]
-        seen = cv2.remap(photograph, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        light = light_of_bytes(np.asarray(seen, np.uint8)).mean(2)  # [places, steps]
-        light = cv2.blur(light, (_FINE + 1, 1))
-        outside = np.median(light[:, -len(step) // 5 :], 1)
-        inside = np.median(light[:, : len(step) // 3], 1)
-        rise = np.where(np.abs(inside - outside) >= _MIN_STEP, inside - outside, np.nan)
-        height = (light - outside[:, None]) / rise[:, None]  # 0 for the table, 1 for the paper
-        offset, near, far = (_first_above(height, level, step) for level in (0.5, 0.8, 0.2))
-        return cls(place, outward, offset, far - near, outside)
-
-    @property
-    def visible(self) -> bool:
-        """True if the edge is visible at most places of each side."""
-        return bool((_shares_known(self.offset) >= _MIN_SEEN).all())
-
-    @property
-    def softness(self) -> float:
-        """Median of `width`; NaN if the edge is not visible."""
-        return float(np.nanmedian(self.width)) if self.visible else math.nan
-
-    @property
-    def beside(self) -> float:
-        """Largest distance in pixels of a corner from its expected place; NaN if the edge is not visible."""
-        return self._motion(self.offset) if self.visible else math.nan
-
-    def moved_since(self, earlier: Self) -> float:
-        """Returns the largest motion of a corner in pixels since `earlier`, which was read with the same corners.
-
-        Infinity if the edge is no longer visible; NaN if it was not visible before.
-        """
-        if not (self.visible and earlier.visible):
-            return math.inf if earlier.visible else math.nan
-        return self._motion(self.offset - earlier.offset)
-
-    def blurring_since(self, earlier: Self) -> float:
-        """Returns the median widening of the edge in pixels; NaN unless a fifth of at least three sides is visible."""
-        wider = self.width - earlier.width
-        return float(np.nanmedian(wider)) if (_shares_known(wider) >= _MIN_LEFT).sum() >= 3 else math.nan
-
-    def covered_since(self, earlier: Self) -> int:
-        """Returns the largest number of consecutive places at which something new reaches over the edge.
-
-        A change of the light does not count.
-        """
-        share = (self.table + _DIMMEST) / (earlier.table + _DIMMEST)
-        strange = np.abs(np.log(share / float(np.median(share)))) > _OTHER_LIGHT  # the lamps may be brighter
-        longest = run = 0
-        for place in np.concatenate((strange, strange)):  # goes on past the first corner
-            run = run + 1 if place else 0
-            longest = max(longest, run)
-        return min(longest, len(strange))
-
-    def _motion(self, outwards: NDArray[np.float64]) -> float:
-        """Returns the largest motion of a corner for the shift and rotation that fit the outward motions [n]."""
-        known = np.isfinite(outwards)
-        place, outward, outwards = self.place[known], self.outward[known], outwards[known]
-        middle = self.place.mean(0)
-        scale = float(np.abs(self.place - middle).max())
-        arm = (place - middle) / scale
-        turning = outward[:, 1] * arm[:, 0] - outward[:, 0] * arm[:, 1]
-        terms = np.c_[outward, turning]
-        weight = np.ones(len(outwards))
-        motion = np.zeros(3)
-        for _ in range(_ROUNDS):  # least squares with falling weights of outliers
-            root = np.sqrt(weight)
-            motion = np.linalg.lstsq(root[:, None] * terms, root * outwards, rcond=None)[0]
-            off = np.abs(terms @ motion - outwards)
-            weight = 1 / (1 + (off / (3 * np.median(off) + 0.05)) ** 2) ** 2
-        corner = (self.place[:: _PLACES - 1] - middle) / scale
-        ways = motion[:2] + motion[2] * np.stack((-corner[:, 1], corner[:, 0]), 1)
-        return float(np.linalg.norm(ways, axis=1).max())
-
-
-def _shares_known(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the share of known values [4 x 48] on each side, [4]."""
-    return np.asarray(np.isfinite(values).reshape(4, _PLACES).mean(1), np.float64)
-
-
-def _first_above(height: NDArray[np.float64], level: float, step: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Returns the interpolated place of each row's first crossing of a level, from its end; NaN if there is none."""
-    backwards = height[:, ::-1]
-    above = backwards >= level
-    index = above.argmax(1)
-    row = np.arange(len(height))
-    crossed = above[row, index] & (index > 0)
-    before = np.maximum(index - 1, 0)
-    low, high = backwards[row, before], backwards[row, index]
-    share = (level - low) / np.where(high > low, high - low, 1)
-    place = step[::-1][before] + share * (step[::-1][index] - step[::-1][before])
-    return np.where(crossed, place, np.nan)
-
 
 COARSEST, _ROWS = 0.001, 250  # largest pixel in metres; rows along the shorter side
 _AROUND = 0.015  # metres of table around the canvas
@@ -558,21 +421,10 @@ def _lamps(change: Pixels, weight: Pixels) -> Pixels:
     usable = share > 0.5
     if usable.sum() < 8:
         return np.zeros_like(change)
-    down, across = np.meshgrid(np.linspace(-1, 1, small[1]), np.linspace(-1, 1, small[0]), indexing="ij")
-    terms = np.stack((np.ones(usable.sum()), down[usable], across[usable]), 1)
-    plane = np.empty_like(change)
-    rows_at, columns_at = np.linspace(-1, 1, rows)[:, None], np.linspace(-1, 1, columns)
-    for band in range(3):
-        values = mean[usable][:, band].astype(np.float64)
-        trust = np.ones(len(values))
-        start = np.array([np.median(values), 0.0, 0.0])
-        for _ in range(6):
-            off = np.abs(terms @ start - values)
-            trust = 1 / (1 + (off / (3 * np.median(off) + 0.01)) ** 2) ** 2
-            root = np.sqrt(trust)
-            start = np.linalg.lstsq(root[:, None] * terms, root * values, rcond=None)[0]
-        plane[..., band] = start[0] + start[1] * rows_at + start[2] * columns_at
-    return plane
+    row, column = ((2 * place + 1) / side - 1 for place, side in zip(np.nonzero(usable), usable.shape, strict=True))
+    known = torch.from_numpy(mean[usable].T).double()
+    lamps, _ = FlatField.even().fit_tilt(known, torch.from_numpy(row), torch.from_numpy(column))
+    return np.asarray(lamps.light(rows, columns).log().permute(1, 2, 0).numpy(), np.float32)
 
 
 def _misfit(off: Pixels, noise: float, grain: Pixels | float = 0.0) -> Pixels:

@@ -28,8 +28,8 @@ from frida_painter.hardware.motion import Motion
 from frida_painter.hardware.robot import Frame, Waypoints
 from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import FlatField
+from frida_painter.perception.landmarks import Outline, trace_outline
 from frida_painter.perception.rectify import pixels_per_metre, rectify
-from frida_painter.perception.registration import PaperEdge
 from frida_painter.perception.snapshot import find_corners
 from frida_painter.session.observer import Photographer
 from frida_painter.strokes.family import CODE_REACH, Taught
@@ -140,6 +140,7 @@ _NOISE_FLOOR = 0.04
 _BORDER = 0.002  # m along the paper's edge; a lens may show some of the table there
 _ATTEMPTS = 3
 
+_MIN_SEEN = 0.5  # share of a side of the paper
 _SEARCHED = 0.008  # m around the expected edge of the paper
 _MAX_BESIDE = 0.004  # m between the paper and the calibrated canvas
 _MAX_MOVED = 0.0004  # m since the sheet's first photograph
@@ -243,8 +244,8 @@ class Paper:
         self._inner[border:-border, border:-border] = True
         photograph = access.photograph().image
         self._edge = self._read_edge(photograph)
-        if self._edge.visible:
-            beside = self._edge.beside / self._pixels
+        if self._edge is not None:
+            beside = self._away(self._edge.corners, self._easel.calibration.corners)
             if not beside <= _MAX_BESIDE:
                 raise CalibrationError(
                     f"The paper lies {beside * 1000:.1f} mm beside where the canvas was calibrated; allowed are "
@@ -293,13 +294,12 @@ class Paper:
 
     def _look_again(self, here: tuple[slice, slice]) -> Flaw:
         """Photographs the sheet after a stroke at `here`, repeatedly if there is a flaw, and returns the last flaw."""
-        first = self._edge.softness
-        softest = math.inf if math.isnan(first) else _SOFTER * first + 0.5
+        softest = math.inf if self._edge is None else _SOFTER * self._edge.softness + 0.5
         for attempt in range(_ATTEMPTS):
             last = attempt == _ATTEMPTS - 1
             photograph = self._access.photograph().image
             edge = self._read_edge(photograph)
-            if edge.softness > softest:
+            if edge is not None and edge.softness > softest:
                 if last:
                     self._require_focus(edge, softest)
                 continue
@@ -316,9 +316,11 @@ class Paper:
                 return flaw
         raise AssertionError("the last attempt returns or raises")
 
-    def _compare(self, edge: PaperEdge, light: Tensor, here: tuple[slice, slice]) -> Flaw:
+    def _compare(self, edge: Outline | None, light: Tensor, here: tuple[slice, slice]) -> Flaw:
         """Returns the flaw due to changes elsewhere than at `here`; even light [3, rows, columns]."""
-        moved = min(edge.moved_since(self._edge) / self._pixels, _SEARCHED)
+        moved = 0.0
+        if self._edge is not None:
+            moved = _SEARCHED if edge is None else self._away(edge.corners, self._edge.corners)
         self.moved = moved if moved > _MAX_MOVED else 0.0
         if self.moved:
             return Flaw.MOVED
@@ -333,10 +335,16 @@ class Paper:
         """Returns the area of the chosen pixels in m2."""
         return float(np.count_nonzero(chosen)) * self._crop.pitch**2
 
-    def _read_edge(self, photograph: NDArray[np.uint8]) -> PaperEdge:
-        return PaperEdge.read(photograph, self._easel.calibration.corners, _SEARCHED * self._pixels)
+    def _read_edge(self, photograph: NDArray[np.uint8]) -> Outline | None:
+        """Returns the outline of the paper; None if it is not visible."""
+        seen = trace_outline(photograph, self._easel.calibration.corners, _SEARCHED * self._pixels)
+        return seen if seen is not None and seen.support >= _MIN_SEEN else None
 
-    def _require_focus(self, edge: PaperEdge, softest: float) -> None:
+    def _away(self, corners: Corners, others: Corners) -> float:
+        """Returns the greatest distance between corners in metres."""
+        return float(np.linalg.norm(np.subtract(corners, others), axis=1).max()) / self._pixels
+
+    def _require_focus(self, edge: Outline, softest: float) -> None:
         if not edge.softness <= softest:
             seen, most = (1000 * pixels / self._pixels for pixels in (edge.softness, softest))
             raise FrameRejected(
