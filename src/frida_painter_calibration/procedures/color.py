@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 from torch import Tensor
 
 from frida_painter.calibration import Calibration
@@ -16,6 +17,7 @@ from frida_painter.perception.color import (
     ACROSS,
     EDITIONS,
     NAMES,
+    ColorFit,
     PatchReadings,
     find_checker,
     fit_color,
@@ -36,7 +38,8 @@ _MAX_BLOWN_OUT = 0.05
 _MAX_UNEVEN = 0.12
 _DIMMEST_WHITE = 0.08
 _COLOR_ROWS = 240
-_USUAL_INKS, _WORST_INKS, _CLEARLY, _WHITES = 6.0, 14.0, 0.9, 8
+_WORST_INKS, _WHITES = 14.0, 8
+_TONES = (0.5, 2.0)  # exponents of a printer's inks
 # Greatest size of a card with its rim and shadow, relative to the block of its patches' middles.
 _CARD = 1.75
 
@@ -110,31 +113,34 @@ def read_chart(
 def read_card(card: CardReading) -> Finding:
     """Returns what the printed card of colours tells.
 
-    Printers' inks are several CIEDE2000 off, and pale inks look like a camera whose bands leak. So its map counts only
-    if the patches are farther off than inks are, and the map explains that.
+    A printer's inks are several CIEDE2000 off. Its tone curves do not matter: they are fitted too, since a camera's
+    bands are linear in light. What the map does not explain of patches that it did not see is the card's own error, and
+    that share of the squared deviation is left uncorrected (W. James and C. Stein, "Estimation with quadratic loss",
+    1961).
     Raises CalibrationError if its colours are strange.
     """
     white = torch.ones(_WHITES, 3, dtype=torch.float64)  # white stays white
     seen = torch.cat((torch.from_numpy(card.light), white))
-    meant = torch.cat((to_linear(torch.tensor(PATCHES, dtype=torch.float64)), white))
-    fit = fit_color(seen, meant, stray=False)
-    before, after = (float(off[: len(PATCHES)].mean()) for off in (fit.before, fit.held_out))
+    inks = to_linear(torch.tensor(PATCHES, dtype=torch.float64))
+
+    def fit(tone: NDArray[np.float64]) -> ColorFit:
+        return fit_color(seen, torch.cat((inks ** torch.from_numpy(tone), white)), stray=False)
+
+    best = fit(least_squares(lambda tone: fit(tone).held_out.numpy(), np.ones(3), bounds=_TONES, diff_step=0.01).x)
+    before, after = (float(off[: len(PATCHES)].mean()) for off in (best.before, best.held_out))
     if not min(before, after) <= _WORST_INKS:
         raise CalibrationError(
             f"The card's colours are {min(before, after):.0f} CIEDE2000 off, and at most {_WORST_INKS:g} are allowed: "
             "it is printed in grey or with an empty ink, or lies in a shadow. Print it anew, or use a colour checker."
         )
-    if before <= _USUAL_INKS or not after <= _CLEARLY * before:
-        return Finding(
-            f"The card's colours look right in even light, to {before:.1f} CIEDE2000, as well as inks print them; the "
-            "camera's colours are kept.",
-            None,
-            lambda known: known.with_color(tuple(map(tuple, torch.eye(3, 4).tolist())), residual=before),
-        )
+    share = max(0.0, 1 - (after / before) ** 2)
+    none = torch.eye(3, 4, dtype=torch.float64)
+    affine = tuple(map(tuple, (none + share * (best.affine - none)).tolist()))
     return Finding(
-        f"The card's colours are {after:.1f} CIEDE2000 off with the correction, {before:.1f} without.",
+        f"The card's colours are {before:.1f} CIEDE2000 off, {after:.1f} by its inks alone: {share:.0%} of the "
+        "correction is taken.",
         None,
-        lambda known: known.with_color(tuple(map(tuple, fit.affine.tolist())), residual=after),
+        lambda known: known.with_color(affine, residual=after),
     )
 
 
