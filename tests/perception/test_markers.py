@@ -1,5 +1,6 @@
 """Printed markers in photographs of the virtual studio, which prints, cuts and lays the page with its own errors."""
 
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -10,6 +11,7 @@ import pytest
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.dialogue import lead
 from frida_painter.errors import CalibrationError, ConfigError
+from frida_painter.hardware.faults import PlacementError
 from frida_painter.perception.landmarks import find_canvas
 from frida_painter.perception.markers import find_camera_motion
 from frida_painter.perception.snapshot import find_corners
@@ -123,12 +125,20 @@ def test_a_moved_camera_is_told_from_a_canvas_that_was_moved() -> None:
     studio.camera.push(4.0, 3.0)
     after = looking.photograph(-1.0).image.astype(float)
     shifted = photograph(studio).astype(float)
-    assert "moved" in looking.moved and np.abs(after - before).mean() < np.abs(shifted - before).mean() / 2
+    assert "camera" in looking.moved[0] and np.abs(after - before).mean() < np.abs(shifted - before).mean() / 2
     studio.camera.push(-3.6, -2.7)
     assert find_camera_motion(photograph(studio), record).far == pytest.approx(0.0005, abs=0.0001)
     studio.camera.push(-0.4, -0.3)
     looking.photograph(-1.0)
     assert not looking.moved, "it stands where it was"
+    looking.examine(-1.0, 270)
+    studio.table.knock = PlacementError((0.0004, 0.0003), 0.0)
+    looking.examine(-1.0, 270)
+    (told,) = looking.moved
+    assert re.search(r"canvas was moved under the camera by 0\.[456] mm \(0\.[34] mm right, 0\.[23] mm up", told)
+    studio.table.knock = PlacementError((0.0, 0.0), 0.0)
+    looking.examine(-1.0, 270)
+    assert "lies where it lay" in looking.moved[0]
     assert find_camera_motion(np.zeros_like(usual()), record) is None
 
 

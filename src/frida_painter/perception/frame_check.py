@@ -157,11 +157,13 @@ class FrameCheck:
                 f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide, or the canvas was moved "
                 "far. Take arms, hands and things out of the camera's sight, and put the canvas back."
             )
-        away = f"{self.drift.followed_by(found.motion).corner_shift(self.size) * 1000:.1f}"
+        whole = self.drift.followed_by(found.motion)
+        away = f"{whole.corner_shift(self.size) * 1000:.1f}"
         if found.verdict is Verdict.MOVED:
             raise FrameRejected(
-                f"The canvas is no longer where it was: its edge is {away} mm away in the photograph. Put canvas and "
-                "camera back as they were, or repeat the canvas and robot calibrations."
+                f"The canvas is no longer where it was: its edge is {away} mm away in the photograph "
+                f"({whole.describe()}). Put {'it' if self.calibration.markers else 'canvas and camera'} back, or "
+                "repeat the canvas and robot calibrations."
             )
         if expected is not None:
             self.require_explained(seen, expected)

@@ -19,6 +19,7 @@ from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens
 from frida_painter.perception.edges import fit_line, intersect, trace_sides
 from frida_painter.perception.rectify import pixels_per_metre
+from frida_painter.perception.registration import TELLS
 from frida_painter.system.images import light_of_bytes
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
@@ -221,8 +222,6 @@ def _fit(
 
 # Motions of the camera
 
-TELLS = 0.00025
-"""Metres on the canvas; a smaller motion of the camera is not told from noise."""
 _ONE_PIECE = 0.5  # pixels off the others' motion at which a marker was moved by itself
 
 

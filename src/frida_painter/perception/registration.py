@@ -27,6 +27,7 @@ from frida_painter.system.images import light_of_bytes
 
 COARSEST, _ROWS = 0.001, 250  # largest pixel in metres; rows along the shorter side
 _AROUND = 0.015  # metres of table around the canvas
+_BESIDE_PIECES = 0.0025  # metres beside the canvas; farther away the printed pieces show more than their dark band
 _REACH = 0.012  # largest motion of the search in metres
 _DIM = 0.02  # linear light, added before logarithms
 _NOISE = 0.1  # logarithm of light; normal difference of a pixel
@@ -47,6 +48,8 @@ _LIGHT_CELL = 10  # pixels; side of a square for the comparison of light
 
 MAX_SHIFT = 0.00125
 """Largest allowed motion of a canvas corner in metres."""
+TELLS = 0.00025
+"""Metres on the canvas; a smaller motion is not told from noise."""
 MAX_TURN = math.radians(0.4)
 """Largest allowed rotation of the canvas in radians."""
 _SURE = 3.0  # standard deviations of agreement for a motion
@@ -92,6 +95,13 @@ class CanvasShift:
         """Returns the largest shift of a canvas corner in metres."""
         x, y = size.width / 2, size.height / 2
         return max(math.hypot(*self._move(right, down)) for right in (-x, x) for down in (-y, y))
+
+    def describe(self) -> str:
+        """Returns the way in words: shifts in millimetres as the canvas is seen upright, and the turn in degrees."""
+        ways = [(self.right, "right", "left"), (self.down, "down", "up")]
+        told = [f"{1000 * abs(far):.1f} mm {ahead if far > 0 else back}" for far, ahead, back in ways]
+        turned = f"{abs(math.degrees(self.turn)):.2f} degrees {'' if self.turn > 0 else 'counter-'}clockwise"
+        return f"{told[0]}, {told[1]}, turned {turned}"
 
     def size(self, size: CanvasSize) -> float:
         """Returns the size relative to the limits: 1 if a corner shift or the rotation is at its limit."""
@@ -163,6 +173,9 @@ class CanvasView:
         seen = photographed_pixels(place.reshape(-1, 2), calibration, grid).reshape(place.shape)
         rows, columns = calibration.photograph
         in_sight = np.asarray(((seen >= 0) & (seen <= (columns - 1, rows - 1))).all(2), np.bool_)  # NaN gives False
+        if calibration.markers:  # the printed pieces stay while the canvas moves
+            near = round(_BESIDE_PIECES / pitch)
+            in_sight &= ((place >= -near) & (place < (grid.columns + near, grid.rows + near))).all(2)
         canvas = np.asarray(((place >= 0) & (place < (grid.columns, grid.rows))).all(2), np.bool_)
         column, row = np.nan_to_num(seen, nan=-1.0).astype(np.float32).transpose(2, 0, 1)
         smoothing = 2 * int(pitch / finest / 2) + 1

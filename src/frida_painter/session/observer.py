@@ -23,6 +23,7 @@ from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import Color, FlatField, is_evenly, light_by_margin, share_unlike
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify, require_photograph, require_some_light, sampling_places
+from frida_painter.perception.registration import TELLS, CanvasShift
 from frida_painter.registry import Later
 from frida_painter.session.events import Notify, StrokePainted, TimelapseFrame
 from frida_painter.strokes.palette import to_lab
@@ -179,7 +180,6 @@ class CanvasObserver:
     `good` photograph.
     start: allowed start of the painting.
     wait: waits for a number of seconds.
-    moved: what the last photographs tell of a motion of the camera, which was taken out; "" if it stands still.
     """
 
     def __init__(
@@ -198,7 +198,13 @@ class CanvasObserver:
         self._photographer = Photographer(easel.camera)
         self._last_image: NDArray[np.uint8] | None = None
         self._film_view: FilmView | None = None
-        self.moved = ""
+        self._camera_moved = self._canvas_moved = ""
+        self._told = CanvasShift()
+
+    @property
+    def moved(self) -> tuple[str, ...]:
+        """Sentences on motions that the printed markers told: of the camera, which is taken out, and of the canvas."""
+        return tuple(filter(None, (self._camera_moved, self._canvas_moved)))
 
     def look(self, last_motion: float, rows: int) -> Tensor:
         """Returns the canvas [3, rows, columns] in sRGB, for display.
@@ -273,10 +279,11 @@ class CanvasObserver:
         with contextlib.suppress(CalibrationError):  # a photograph that is refused later has a better reason
             motion = _find_camera_motion(frame.image, record) if record.markers else None
         if motion is None or not motion.is_told:
-            self.moved = ""
+            self._camera_moved = ""
             return frame
-        self.moved = (
-            f"The camera was moved: the canvas is {1000 * motion.far:.1f} mm beside where it was in the picture"
+        self._camera_moved = (
+            f"The camera was moved: the canvas is {1000 * motion.far:.1f} mm beside where it was in the picture. That "
+            "is taken out of every picture; the painting goes on."
         )
         way, shape = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP, frame.image.shape[1::-1]
         back = cv2.warpPerspective(frame.image, motion.view, shape, flags=way, borderMode=cv2.BORDER_REPLICATE)
@@ -295,6 +302,18 @@ class CanvasObserver:
                 "since. Look whether it still works, and start it again."
             )
         self.good = self.good.require(photograph, canvas, expected, doubtful=doubtful)
+        drift, size = self.good.drift, self.easel.canvas
+        if (
+            self.easel.calibration.markers
+            and CanvasShift.of(drift.values - self._told.values).corner_shift(size) > TELLS
+        ):
+            self._told, far = drift, drift.corner_shift(size)
+            self._canvas_moved = (
+                f"The canvas was moved under the camera by {1000 * far:.1f} mm ({drift.describe()}): strokes land as "
+                "far beside. Push it back, or leave it."
+                if far > TELLS
+                else "The canvas lies where it lay again."
+            )
 
 
 _PATIENCE = 8  # strokes after a frame is due for which the film waits until the hand leaves the canvas anyway

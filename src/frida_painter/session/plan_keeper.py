@@ -318,7 +318,7 @@ class ExecutionMonitor:
         self._journal, self._interruptions, self._progress, self._tell = desk
         self._painted: list[tuple[Plan, Tensor, Tensor]] = []  # last batches of ours alone, as seen and as expected
         self._looked_after: int | None = None  # strokes at a look that could not tell whether the canvas was moved
-        self._moved = ""  # what was told of the camera
+        self._moved: tuple[str, ...] = ()  # what was told of camera and canvas
 
     def look(self) -> Tensor:
         """Returns the current canvas [3, H, W] from a photograph newer than the last motion, which is journalled.
@@ -388,8 +388,9 @@ class ExecutionMonitor:
             self._looked_after = progress.painted  # accepted by a person who goes on now
             raise
         before, self._moved = self._moved, self._observer.moved
-        if self._moved not in ("", before):
-            self._tell(Remark(f"{self._moved}. That is taken out of every picture; the painting goes on."))
+        for sentence in self._moved:
+            if sentence not in before:
+                self._tell(Remark(sentence))
         self._journal.record_look(frame, self._observer.light)
         self._interruptions.touched = progress.person_unseen = False
         return canvas
