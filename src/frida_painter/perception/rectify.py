@@ -12,7 +12,7 @@ from torch import Tensor
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError, FrameRejected
-from frida_painter.frames import Lens, PixelGrid
+from frida_painter.frames import PixelGrid
 from frida_painter.system.images import light_of_bytes, to_srgb
 
 # Map from commanded to painted positions, fitted to places at which both are known
@@ -158,44 +158,25 @@ def rectify(photograph: NDArray[np.uint8], calibration: Calibration, grid: Pixel
     Raises FrameRejected if the photograph is dark or not from the calibrated camera.
     """
     require_photograph(photograph, calibration)
-    fineness = _fineness(calibration, grid)
-    rows, columns = grid.rows * fineness, grid.columns * fineness
-    to_photograph = _to_photograph(calibration, rows, columns)
     require_some_light(photograph)
-    photographed = light_of_bytes(photograph)
-    if calibration.lens is None:
-        way = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        size = columns, rows
-        light = cv2.warpPerspective(photographed, to_photograph, size, flags=way, borderMode=cv2.BORDER_REPLICATE)
-    else:
-        column, row = _distort(calibration.lens, to_photograph, rows, columns)
-        light = cv2.remap(photographed, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    # The outermost samples fall into photograph pixels that show some of the table, which would look like a dark line
-    # along the canvas edge: their inner neighbours take their places.
-    light = np.asarray(light, np.float32)
-    across, down = _rim(calibration, rows, columns)
-    light[:, :across], light[:, columns - across :] = light[:, across, None], light[:, columns - 1 - across, None]
-    light[:down], light[rows - down :] = light[down], light[rows - 1 - down]
-    if fineness > 1:
+    places, border = sampling_places(calibration, grid), cv2.BORDER_REPLICATE
+    light = cv2.remap(light_of_bytes(photograph), *places, cv2.INTER_LINEAR, borderMode=border)
+    if light.shape[:2] != (grid.rows, grid.columns):
         light = cv2.resize(light, (grid.columns, grid.rows), interpolation=cv2.INTER_AREA)
-    return to_srgb(torch.from_numpy(np.ascontiguousarray(light.transpose(2, 0, 1))))
+    return to_srgb(torch.from_numpy(np.ascontiguousarray(light.transpose(2, 0, 1), np.float32)))
 
 
 def sampling_places(calibration: Calibration, grid: PixelGrid) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Returns column and row in the photograph of each sample: [f rows, f columns] each.
 
-    Each pixel of the grid is the mean in linear light of its f x f samples, as in `rectify`. The outermost
-    samples use the positions of their inner neighbours.
+    Each pixel of the grid is the mean in linear light of its f x f samples, as in `rectify`. The outermost samples fall
+    into photograph pixels that show some of the table, which would look like a dark line along the canvas edge: they
+    use the positions of their inner neighbours.
     """
     fineness = _fineness(calibration, grid)
     rows, columns = grid.rows * fineness, grid.columns * fineness
     across, down = _rim(calibration, rows, columns)
-    to_photograph = _to_photograph(calibration, rows, columns)
-    if calibration.lens is None:
-        place = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).astype(np.float64)
-        column, row = np.asarray(cv2.perspectiveTransform(place, to_photograph), np.float32).transpose(2, 0, 1)
-    else:
-        column, row = _distort(calibration.lens, to_photograph, rows, columns)
+    column, row = _project(calibration, rows, columns)
     inside = np.ix_(
         np.clip(np.arange(rows), down, rows - 1 - down), np.clip(np.arange(columns), across, columns - 1 - across)
     )
@@ -245,18 +226,19 @@ def _undistort(seen: NDArray[np.float64], calibration: Calibration) -> NDArray[n
     return seen if calibration.lens is None else calibration.lens.undistort(seen)
 
 
-def _distort(
-    lens: Lens, to_photograph: NDArray[np.float64], rows: int, columns: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Returns column and row in the distorted photograph of rows x columns places of the canvas.
+def _project(calibration: Calibration, rows: int, columns: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Returns column and row in the photograph of rows x columns places of the canvas.
 
-    It is computed for one place in 16 x 16 and interpolated between them, with an error below 0.01 pixels.
+    They are computed for one place in 16 x 16 and interpolated between them, with an error below 0.01 pixels.
     """
     down, across = (_STRIDE * np.arange(-1, side // _STRIDE + 2) + (_STRIDE - 1) / 2 for side in (rows, columns))
     grid = np.stack(np.meshgrid(across, down), -1)
-    straight = np.asarray(cv2.perspectiveTransform(grid, to_photograph), np.float64)
-    coarse = lens.distort(straight.reshape(-1, 2)).reshape(grid.shape).astype(np.float32)
-    fine = cv2.resize(coarse, (_STRIDE * len(across), _STRIDE * len(down)), interpolation=cv2.INTER_LINEAR)
+    seen = np.asarray(cv2.perspectiveTransform(grid, _to_photograph(calibration, rows, columns)), np.float64)
+    if calibration.lens is not None:
+        seen = calibration.lens.distort(seen.reshape(-1, 2)).reshape(grid.shape)
+    fine = cv2.resize(
+        seen.astype(np.float32), (_STRIDE * len(across), _STRIDE * len(down)), interpolation=cv2.INTER_LINEAR
+    )
     cut = np.asarray(fine, np.float32)[_STRIDE : _STRIDE + rows, _STRIDE : _STRIDE + columns]
     return np.ascontiguousarray(cut[..., 0]), np.ascontiguousarray(cut[..., 1])
 
