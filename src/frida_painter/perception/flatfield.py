@@ -84,7 +84,7 @@ class FlatField:
                     "light is judged by it; lay it further aside, or take a smaller one."
                 )
             seen, terms = seen[:, known], terms[known]
-        logarithm, residual = _fit(terms, seen)
+        logarithm, residual = fit_robustly(terms, seen)
         if not residual <= _MAX_RESIDUAL:
             raise FrameRejected(
                 f"The canvas does not look bare: {100 * residual:.0f} % of its light does not fit a smooth surface, "
@@ -114,7 +114,7 @@ class FlatField:
         broad = torch.tensor([i + j <= _RENEWING_DEGREE for i, j in _PAIRS])
         terms = _terms(*share.shape).to(seen)[known][:, broad]  # [samples, terms]
         logarithm = self.logarithm.clone()
-        logarithm[:, broad] += _fit(terms, seen)[0].to(logarithm)
+        logarithm[:, broad] += fit_robustly(terms, seen)[0].to(logarithm)
         return type(self)(logarithm)
 
     def fit_tilt(self, change: Tensor, down: Tensor, across: Tensor) -> tuple[Self, float]:
@@ -125,7 +125,7 @@ class FlatField:
         Changes of brightness, colour and a tilt to one side are followed.
         """
         tilt = [_PAIRS.index(pair) for pair in ((0, 0), (1, 0), (0, 1))]
-        coefficients, residual = _fit(torch.stack((torch.ones_like(down), down, across), 1).to(change), change)
+        coefficients, residual = fit_robustly(torch.stack((torch.ones_like(down), down, across), 1).to(change), change)
         logarithm = self.logarithm.clone()
         logarithm[:, tilt] += coefficients.to(logarithm)
         return type(self)(logarithm), residual
@@ -143,7 +143,7 @@ class FlatField:
         return to_srgb(to_linear(picture) / self.light(*picture.shape[1:]).to(picture))
 
 
-def _fit(terms: Tensor, seen: Tensor) -> tuple[Tensor, float]:
+def fit_robustly(terms: Tensor, seen: Tensor) -> tuple[Tensor, float]:
     """Returns coefficients [3, terms] of values [3, samples], and the mean residual.
 
     The fit is by least squares with falling weights of outliers.

@@ -19,6 +19,7 @@ from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens, PixelGrid
 from frida_painter.perception.edges import fit_line, intersect, measure_distance, trace_sides
+from frida_painter.perception.flatfield import fit_robustly
 from frida_painter.perception.markers import MarkedCanvas, find_marks, read_pieces
 from frida_painter.system.images import light_of_bytes, to_linear
 
@@ -205,14 +206,8 @@ def _table(light: NDArray[np.float32]) -> NDArray[np.float64]:
     down, across = np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, columns), indexing="ij")
     terms = np.stack((np.ones_like(down), down, across, down**2, across**2), -1)
     ring = _ring((rows, columns))
-    known, seen = terms[ring], light[ring].astype(np.float64)
-    weight = np.ones(len(seen))
-    for _ in range(8):
-        root = np.sqrt(weight)[:, None]
-        factors = np.linalg.lstsq(root * known, root * seen, rcond=None)[0]
-        off = np.linalg.norm(known @ factors - seen, axis=1)
-        weight = 1 / (1 + (off / (3 * np.median(off) + 1e-3)) ** 2) ** 2
-    return terms @ factors
+    known, seen = torch.from_numpy(terms[ring]), torch.from_numpy(light[ring].T.astype(np.float64))
+    return np.asarray(terms @ fit_robustly(known, seen)[0].numpy().T, np.float64)
 
 
 def _ring(shape: tuple[int, ...]) -> NDArray[np.bool_]:

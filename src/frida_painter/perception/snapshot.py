@@ -124,7 +124,7 @@ def _fit_light(seen: Tensor, before: Tensor, expected: Tensor, size: CanvasSize)
     change = (dim.clamp(min=_DIMMEST) / bright.clamp(min=_DIMMEST)).log().flatten(1).double()
     middles = ((2 * torch.arange(count, dtype=torch.float64) + 1) / count - 1 for count in (rows, columns))
     down, across = torch.meshgrid(*middles, indexing="ij")
-    field, _ = FlatField(torch.zeros(3, 15)).fit_tilt(change, down.flatten(), across.flatten())
+    field, _ = FlatField.even().fit_tilt(change, down.flatten(), across.flatten())
     ground = before.flatten(1).median(1).values
     bare = (to_lab(expected.permute(1, 2, 0)) - to_lab(ground)).norm(dim=-1) <= _UNPAINTED
     red, green, blue = ground.tolist()

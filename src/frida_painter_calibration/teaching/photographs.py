@@ -197,7 +197,7 @@ def _read_sheet(
             light = to_linear(rectify(photograph, view, grid))
         except FrameRejected as reason:
             raise LibraryError(f"{name}: {reason}") from reason
-        field = FlatField(torch.zeros(3, 15)).refit(light, torch.from_numpy(~near), WHITE)
+        field = FlatField.even().refit(light, torch.from_numpy(~near), WHITE)
         pictures.append(to_srgb(light / field.light(grid.rows, grid.columns)).clamp(0, 1).mean(0))
     dark = min(pictures, key=lambda one: float(one[on_path].mean()))
     full = float(dark[on_path].quantile(_FULL)) if paint is None else sum(as_color(paint)) / 3
