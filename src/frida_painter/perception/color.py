@@ -73,14 +73,12 @@ class PatchReadings:
 
     light [24, 3]: mean linear light
     place [24, 2]: centres, (column, row) in pixels of the photograph
-    outline [24, 4, 2]: area that was read
     unevenness [24]: variation of the light within a patch, relative to its mean
     blown_out [24]: share of overexposed samples
     """
 
     light: Tensor
     place: Tensor
-    outline: Tensor
     unevenness: Tensor
     blown_out: Tensor
 
@@ -107,7 +105,6 @@ def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadin
     """Returns the readings of the patches between the corners of `find_checker`."""
     view = np.asarray(cv2.getPerspectiveTransform(_corner_middles(), np.array(corners, np.float32)), np.float64)
     half = _LOOKED_AT / 2
-    outline = _lattice()[:, None] + np.array([(-half, -half), (half, -half), (half, half), (-half, half)])
     fine = (np.arange(_CELLS * _SAMPLES) + 0.5) / (_CELLS * _SAMPLES) * _LOOKED_AT - half
     looked_at = _lattice()[:, None, None] + np.stack(np.meshgrid(fine, fine), -1)  # [24, side, side, 2]
     place = _project(view, looked_at).astype(np.float32).reshape(PATCHES, -1, 2)
@@ -119,7 +116,6 @@ def read_checker(photograph: NDArray[np.uint8], corners: Corners) -> PatchReadin
     return PatchReadings(
         light=torch.from_numpy(mean).double(),
         place=torch.from_numpy(_project(view, _lattice())),
-        outline=torch.from_numpy(_project(view, outline)),
         unevenness=torch.from_numpy(cells.std(1) / (cells.mean(1) + _FAINT)),
         blown_out=torch.from_numpy((seen >= _BLOWN_OUT).any(-1).mean(1)),
     )

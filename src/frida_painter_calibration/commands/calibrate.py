@@ -66,7 +66,7 @@ def calibrate(
 ) -> None:
     """Calibrate an easel: the position of the canvas, the robot, the camera's colours, the brush and its strokes.
 
-    Each procedure saves its result in the easel's calibration record, with a picture beside it. start, the usual one,
+    Each procedure saves its result in the easel's calibration record, most with a picture. start, the usual one,
     takes two photographs: of the bare canvas, with the printed markers if you have them, and of six painted dots. Then
     you can paint. all runs the five procedures in order. surface is for an uneven canvas: the heights of five or nine
     points, by touch, by your eye or from marks, make a map that every stroke follows.

@@ -1,6 +1,5 @@
 """The color procedure: photographs the 24 known colours of a checker, and fits the map that corrects the camera."""
 
-import cv2
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from frida_painter.errors import CalibrationError
 from frida_painter.frames import PixelGrid
 from frida_painter.hardware.easel import Easel
 from frida_painter.perception.color import (
-    ACROSS,
     EDITIONS,
     NAMES,
     ColorFit,
@@ -29,7 +27,6 @@ from frida_painter.perception.markers import PATCHES, CardReading
 from frida_painter.perception.rectify import rectified_pixels
 from frida_painter.strokes.palette import difference
 from frida_painter.system.images import from_uint8, to_linear, to_srgb
-from frida_painter.system.sheet import CREAM, SOFT, Grid, Sheet, to_bytes
 from frida_painter_calibration.procedures.paper import EaselAccess, require_four
 
 WORST_MEAN = 3.0
@@ -104,7 +101,7 @@ def read_chart(
         f"Corrected colours are {mean:.1f} CIEDE2000 off on average (patches that the fit did not see; at worst "
         f"{held_out[worst]:.1f}, {NAMES[worst]}); as photographed they were {photographed:.1f} off, in even light "
         f"{fit.before.mean():.1f}.",
-        draw_checker(frame, readings, affine, even, true, held_out),
+        None,
         lambda known: known.with_color(tuple(map(tuple, affine.tolist())), residual=mean),
     )
     return finding, outline
@@ -185,48 +182,3 @@ def _check(readings: PatchReadings) -> None:
             "a reflection, a shadow or dirt on the checker, or its corners are not where they were pointed at. Mend "
             "that and repeat the color calibration."
         )
-
-
-# Picture of a colour calibration: the checker in the photograph, and each patch as seen, mapped and true.
-
-_ROWS, _COLUMNS = 650, 1500
-_SIDE, _DISC = 110, 29
-_PATCHES = Grid(612, 56, ACROSS, _SIDE, _SIDE, across=34, down=24)
-_PHOTOGRAPH = (40, 56, 532, 508)  # left, top, width, height
-_FINER = 3
-
-
-def draw_checker(
-    photograph: NDArray[np.uint8], readings: PatchReadings, affine: Tensor, even: Tensor, true: Tensor, off: Tensor
-) -> Tensor:
-    """Returns the picture of a colour calibration, sRGB [3, 650, 1500] in [0, 1].
-
-    affine: [3, 4], the map
-    even, true: [24, 3], linear light as perceived in even light, and the true one
-    off: [24] CIEDE2000, written below each patch
-    """
-    left, top, width, height = _PHOTOGRAPH
-    places = readings.place.numpy()
-    low, high = places.min(0), places.max(0)
-    scale = float(min(np.array([width, height]) / (1.45 * (high - low))))
-    shift = np.array([width, height]) / 2 - scale * (low + high) / 2
-    view = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])
-    excerpt = cv2.warpAffine(photograph, view, (width, height), flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
-    frames = (16 * (readings.outline.numpy() * scale + shift)).round().astype(np.int32)
-    for ink, wide in ((60, 60, 60), 3), ((255, 255, 255), 1):
-        cv2.polylines(excerpt, list(frames), True, ink, wide, cv2.LINE_AA, shift=4)
-    sheet = Sheet(_COLUMNS, _ROWS, CREAM)
-    sheet.paste(np.asarray(excerpt, np.uint8), (left, top))
-    side, middle, disc = _FINER * _SIDE, _FINER * _SIDE // 2, _FINER * _DISC
-    looks = to_srgb(readings.light), to_srgb(even @ affine[:, :3].T + affine[:, 3]), to_srgb(true)
-    for number, place in enumerate(_PATCHES.corners(len(true))):
-        seen, mapped, known = (to_bytes(look[number]) for look in looks)
-        patch = Sheet(side, side, mapped)
-        patch.draw.rectangle((0, 0, middle - 1, side), fill=seen)
-        patch.draw.ellipse((middle - disc, middle - disc, middle + disc, middle + disc), fill=known)
-        sheet.cell(place, patch.shrink(_SIDE, _SIDE), f"{float(off[number]):.1f}", size=16, gap=3)
-    sheet.text((left, 20), "The checker as it was found", 20)
-    sheet.text((_PATCHES.left, 20), "Left half: as photographed. Right half: corrected. Disc: true.", 20)
-    foot = f"Below: CIEDE2000 of patches that the fit did not see, {float(off.mean()):.2f} on average"
-    sheet.text((_PATCHES.left, _ROWS - 46), foot, 18, SOFT)
-    return sheet.tensor()
