@@ -24,6 +24,7 @@ from frida_painter.perception.flatfield import read_margin
 from frida_painter.perception.rectify import pixels_per_metre
 from frida_painter.perception.registration import (
     COARSEST,
+    TELLS,
     CanvasShift,
     CanvasView,
     Pixels,
@@ -99,6 +100,7 @@ class FrameCheck:
     view: plane of the canvas as the camera sees it
     last: last good photograph in that view, from CanvasView.light
     drift: motion of the canvas from the first photograph to the last one
+    told: drift that was last told to people
     """
 
     calibration: Calibration
@@ -109,6 +111,7 @@ class FrameCheck:
     view: CanvasView = field(repr=False)
     last: Pixels = field(repr=False)
     drift: CanvasShift = field(default_factory=CanvasShift)
+    told: CanvasShift = field(default_factory=CanvasShift)
 
     @classmethod
     def learn(
@@ -178,7 +181,23 @@ class FrameCheck:
         tells = found.motion.corner_shift(self.size) > _TELLABLE * large
         is_drift = tells and found.verdict is not Verdict.UNSURE
         drift = self.drift.followed_by(found.motion) if is_drift else self.drift
-        return replace(self, last=self.view.light(photograph), drift=drift)
+        since = CanvasShift.of(drift.values - self.told.values).corner_shift(self.size)
+        told = drift if since > TELLS else self.told
+        return replace(self, last=self.view.light(photograph), drift=drift, told=told)
+
+    @property
+    def moved(self) -> str:
+        """What a small motion of the canvas means for a painting; "" without one, or without printed markers.
+
+        Only those tell it from a motion of the camera.
+        """
+        far = self.told.corner_shift(self.size)
+        if not self.calibration.markers or not far > TELLS:
+            return ""
+        return (
+            f"The canvas was moved under the camera by {1000 * far:.1f} mm ({self.told.describe()}): strokes land as "
+            "far beside. Push it back, or leave it."
+        )
 
     def register(self, photograph: NDArray[np.uint8], expected: Expected | None) -> Registration:
         """Registers a photograph [rows, columns, 3] with the last good one."""

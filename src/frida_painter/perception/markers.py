@@ -81,7 +81,8 @@ def find_marks(photograph: NDArray[np.uint8]) -> Marks:
         raise CalibrationError(
             f"The photograph shows {_name(twice)} twice: pieces of two printed sheets lie there. Take one away."
         )
-    if not numbers and len(_detect(np.ascontiguousarray(grey[:, ::-1]))[0]) >= _FEWEST:
+    # A mirrored marker may look like another one.
+    if len(numbers) < _FEWEST <= len(_detect(np.ascontiguousarray(grey[:, ::-1]))[0]):
         raise CalibrationError(
             "The printed markers are mirrored in the photograph. Switch mirroring off in the camera's or in the "
             "printer's settings."
@@ -142,7 +143,7 @@ class MarkedCanvas:
         if not abs(wide * high - 1) <= 2 * _SCALE:
             raise CalibrationError(
                 f"The canvas was said to be {size}; by the markers' own size it is {told} mm. Measure the printed "
-                f"ruler: if it is {50 * (wide + high):.0f} mm long and not 100, print the sheet again at 100 % (no "
+                f"ruler: if it is {50 * (wide + high):.3g} mm long and not 100, print the sheet again at 100 % (no "
                 "'fit to page'); if it is 100 mm long, give the size of this canvas with --canvas."
             )
 
@@ -168,7 +169,7 @@ def read_pieces(marks: Marks, shape: tuple[int, ...], size: CanvasSize, lens: Le
     if len(pieces) < _FEWEST:
         raise CalibrationError(
             f"Of the four pieces at the canvas's corners {', '.join(missing)} cannot be seen; three must be. Take what "
-            "covers them away, and let the camera see the canvas with all pieces."
+            "covers them away (a piece at a wrong corner lies below the canvas), and let the camera see all of them."
         )
     straight = {number: each if lens is None else lens.undistort(each) for number, each in pieces.items()}
     view, printed, off = _fit(straight, shape, size)
@@ -244,9 +245,14 @@ class CameraMotion:
     moved: tuple[str, ...]
 
     @property
-    def is_told(self) -> bool:
-        """True if it is told from noise."""
-        return self.far > TELLS
+    def sentence(self) -> str:
+        """What it means for a painting; "" if it is not told from noise."""
+        if not self.far > TELLS:
+            return ""
+        return (
+            f"The camera was moved: the canvas is {1000 * self.far:.1f} mm beside where it was in the picture. That is "
+            "taken out of every picture; the painting goes on."
+        )
 
 
 def find_camera_motion(photograph: NDArray[np.uint8], record: Calibration) -> CameraMotion | None:

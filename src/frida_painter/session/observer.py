@@ -23,7 +23,6 @@ from frida_painter.perception.color import true_color
 from frida_painter.perception.flatfield import Color, FlatField, is_evenly, light_by_margin, share_unlike
 from frida_painter.perception.frame_check import Expected, FrameCheck
 from frida_painter.perception.rectify import rectify, require_photograph, require_some_light, sampling_places
-from frida_painter.perception.registration import TELLS, CanvasShift
 from frida_painter.registry import Later
 from frida_painter.session.events import Notify, StrokePainted, TimelapseFrame
 from frida_painter.strokes.palette import to_lab
@@ -198,13 +197,12 @@ class CanvasObserver:
         self._photographer = Photographer(easel.camera)
         self._last_image: NDArray[np.uint8] | None = None
         self._film_view: FilmView | None = None
-        self._camera_moved = self._canvas_moved = ""
-        self._told = CanvasShift()
+        self._camera_moved = ""
 
     @property
     def moved(self) -> tuple[str, ...]:
         """Sentences on motions that the printed markers told: of the camera, which is taken out, and of the canvas."""
-        return tuple(filter(None, (self._camera_moved, self._canvas_moved)))
+        return tuple(filter(None, (self._camera_moved, self.good.moved if self.good else "")))
 
     def look(self, last_motion: float, rows: int) -> Tensor:
         """Returns the canvas [3, rows, columns] in sRGB, for display.
@@ -278,13 +276,9 @@ class CanvasObserver:
         record, motion = self.easel.calibration, None
         with contextlib.suppress(CalibrationError):  # a photograph that is refused later has a better reason
             motion = _find_camera_motion(frame.image, record) if record.markers else None
-        if motion is None or not motion.is_told:
-            self._camera_moved = ""
+        self._camera_moved = "" if motion is None else motion.sentence
+        if motion is None or not self._camera_moved:
             return frame
-        self._camera_moved = (
-            f"The camera was moved: the canvas is {1000 * motion.far:.1f} mm beside where it was in the picture. That "
-            "is taken out of every picture; the painting goes on."
-        )
         way, shape = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP, frame.image.shape[1::-1]
         back = cv2.warpPerspective(frame.image, motion.view, shape, flags=way, borderMode=cv2.BORDER_REPLICATE)
         return replace(frame, image=np.asarray(back, np.uint8))
@@ -302,18 +296,6 @@ class CanvasObserver:
                 "since. Look whether it still works, and start it again."
             )
         self.good = self.good.require(photograph, canvas, expected, doubtful=doubtful)
-        drift, size = self.good.drift, self.easel.canvas
-        if (
-            self.easel.calibration.markers
-            and CanvasShift.of(drift.values - self._told.values).corner_shift(size) > TELLS
-        ):
-            self._told, far = drift, drift.corner_shift(size)
-            self._canvas_moved = (
-                f"The canvas was moved under the camera by {1000 * far:.1f} mm ({drift.describe()}): strokes land as "
-                "far beside. Push it back, or leave it."
-                if far > TELLS
-                else "The canvas lies where it lay again."
-            )
 
 
 _PATIENCE = 8  # strokes after a frame is due for which the film waits until the hand leaves the canvas anyway

@@ -109,7 +109,7 @@ def _describe_pieces(outline: Outline, size: CanvasSize) -> str:
     """Returns how the pieces lie: their print, and their distances from the edges if these are seen."""
     marked = outline.marked
     assert marked is not None
-    covered = f" ({', '.join(marked.missing)} is covered; three are enough)" if marked.missing else ""
+    covered = f" ({', '.join(marked.missing)} cannot be read; three are enough)" if marked.missing else ""
     if not outline.support:
         return (
             f"Its edges do not show, so its corners are where the pieces{covered} are: put each well into its corner."

@@ -125,10 +125,11 @@ def read_card(card: CardReading) -> Finding:
 
     best = fit(least_squares(lambda tone: fit(tone).held_out.numpy(), np.ones(3), bounds=_TONES, diff_step=0.01).x)
     before, after = (float(off[: len(PATCHES)].mean()) for off in (best.before, best.held_out))
-    if not min(before, after) <= _WORST_INKS:
+    if not after <= _WORST_INKS:
         raise CalibrationError(
-            f"The card's colours are {min(before, after):.0f} CIEDE2000 off, and at most {_WORST_INKS:g} are allowed: "
-            "it is printed in grey or with an empty ink, or lies in a shadow. Print it anew, or use a colour checker."
+            f"The card's colours contradict one another by {after:.0f} CIEDE2000, and at most {_WORST_INKS:g} are "
+            "allowed: it is printed in grey or with an empty ink, partly covered, or in a shadow. Lay it free, print "
+            "it anew, or use a colour checker."
         )
     share = max(0.0, 1 - (after / before) ** 2)
     none = torch.eye(3, 4, dtype=torch.float64)
