@@ -15,10 +15,9 @@ from typing import Self
 
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter, ValidationError
-from torch import Tensor
 
 from frida_painter.brush.kinds import brush_kind
-from frida_painter.calibration import Calibration, SurfaceMap
+from frida_painter.calibration import SurfaceMap
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.connecting import examine_robot
 from frida_painter.easel.dialogue import Answer, Choose, Confirm, EnterAddress, SetupQuestion, lead
@@ -27,13 +26,12 @@ from frida_painter.easel.order import EaselOrder
 from frida_painter.easel.parent import EaselProcess
 from frida_painter.errors import CalibrationError, ConfigError, Interrupted, RobotDisconnected
 from frida_painter.hardware.preset import Layout, Preset, find_preset, presets
-from frida_painter.hardware.robot import Robot, TouchProbe, Workspace
+from frida_painter.hardware.robot import Robot, TouchProbe
 from frida_painter.hardware.timing import TravelLimits
 from frida_painter.hardware.workcell import Bounds
 from frida_painter.report.sheets import workspace_plan
 from frida_painter.session.events import Began, Remark, ResultFound
 from frida_painter.system import images, storage
-from frida_painter.system.sheet import INK, LINE, SOFT, Sheet, shorten
 from frida_painter_calibration.calibrating import default_record, record_to_renew
 from frida_painter_calibration.options import SetupOrder
 from frida_painter_calibration.procedures.surface import surface_sheet
@@ -42,7 +40,7 @@ from frida_painter_calibration.procedures.workspace import STEPS, Bench, settle_
 _ACCURACY = 0.0002  # metres of the heights
 _FORMAT, _VERSION = "frida-painter setup", 2
 _DRAFT, _STATE = "draft.toml", "setup.json"
-WORKSPACE, RECORD, SHEET = "workspace.toml", "calibration.json", "setup.png"
+WORKSPACE, RECORD, SHEET, SURFACE = "workspace.toml", "calibration.json", "setup.png", "surface.png"
 
 SetupEvent = Began | ResultFound | Remark
 Answering = Callable[[SetupQuestion], Answer]
@@ -403,7 +401,7 @@ class MachineSetup:
         return ResultFound("machine", detail=told)
 
     def write(self) -> ResultFound:
-        """Writes workspace, calibration record and their picture. Raises StorageError, CalibrationError."""
+        """Writes workspace, calibration record and pictures. Raises StorageError, CalibrationError."""
         layout, brush = self.state.layout, self.state.brush
         workspace, path, sheet = (self.folder / name for name in (WORKSPACE, RECORD, SHEET))
         storage.write_text(workspace, layout.toml())
@@ -413,7 +411,9 @@ class MachineSetup:
             brush, layout.touch, layout.press, protrusion=known.protrusion, residual=_ACCURACY
         )
         record.save(path)
-        images.save(draw_machine(workcell.workspace, record, self.preset.title, self.robot), sheet)
+        images.save(workspace_plan(workcell.workspace, layout.canvas, layout.easel), sheet)
+        if record.surface is not None:
+            images.save(surface_sheet(record.surface), self.folder / SURFACE)
         robot, place, measured = f"--robot {self.robot}", f"--workspace {workspace}", f"--calibration {path}"
         paint = f"frida-painter paint PHOTO {robot} --camera none {place} {measured} --brush {brush}"
         commands = {
@@ -429,46 +429,3 @@ class MachineSetup:
 def _keep(source: str) -> str:
     """Returns the name of a preset, or the absolute path of its file."""
     return str(Path(source).absolute()) if source.endswith(".toml") else source
-
-
-# Picture of a machine that was set up: its workspace from above, and what its calibration record says.
-
-_MARGIN, _ROW, _HEAD = 40, 30, 56
-_NAMES = 330  # pixels of the column of names
-
-
-def draw_machine(workspace: Workspace, record: Calibration, title: str, robot: str) -> Tensor:
-    """Returns the picture, sRGB [3, H, W] in [0, 1]: the workspace, below it the record and the height map.
-
-    title: what people call the machine
-    robot: its name for --robot
-    """
-    assert record.canvas is not None
-    touch, press = record.touch_height * 1000, record.press_height * 1000
-    corner = ", ".join(f"{metres * 1000:.1f}" for metres in workspace.canvas_origin)
-    painting, travel = (f"{speed * 1000:g} mm/s" for speed in (workspace.painting_speed, workspace.travel_speed))
-    rows = {
-        "machine": title,
-        "--robot": robot,
-        "canvas": f"{record.canvas}, bottom left at {corner} mm",
-        "lightest touch, hardest press": f"z {touch:.2f} and {press:.2f} mm ({touch - press:.2f} mm apart)",
-        "brush": record.brush,
-        "wells": str(len(workspace.wells)),
-        "speeds": f"painting {painting}, travel {travel}",
-        **{f"calibrated: {name}": done.dated[:10] for name, done in record.done.items()},
-    }
-    above = images.to_uint8(workspace_plan(workspace, record.canvas, record.easel))
-    uneven = None if record.surface is None else images.to_uint8(surface_sheet(record.surface))
-    height, width = above.shape[:2]
-    below = height + _HEAD + _ROW * len(rows) + _MARGIN
-    more = (0, 0) if uneven is None else uneven.shape[:2]
-    sheet = Sheet(max(width, more[1]), below + more[0])
-    sheet.paste(above)
-    if uneven is not None:
-        sheet.paste(uneven, (0, below))
-    sheet.draw.line((_MARGIN, height + 8, width - _MARGIN, height + 8), fill=LINE, width=2)
-    for number, (name, value) in enumerate(rows.items()):
-        y = height + _HEAD / 2 + _ROW * number
-        sheet.text((_MARGIN, y), name, 19, SOFT)
-        sheet.text((_MARGIN + _NAMES, y), shorten(value, 19, width - 2 * _MARGIN - _NAMES), 19, INK)
-    return sheet.tensor()

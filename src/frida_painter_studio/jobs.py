@@ -249,7 +249,7 @@ class Setup(JobState):
     step: name of the current step, "" before the first one.
     facts: what the controller told: "text" and "weight" of each ("fact", "warning" or "refusal").
     remarks: the newest sentences of the setup.
-    written: files of the finished setup ("workspace", "record", and "sheet", a picture of both), and "commands" that
+    written: files of the finished setup ("workspace", "record", and "sheet", a picture of it), and "commands" that
     use them ("about" and "command" of each).
     left: sentence about a setup that was left.
     """

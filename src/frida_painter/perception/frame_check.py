@@ -48,6 +48,7 @@ _BESIDE_EDGE = (0.006, 0.012)  # metres from the edge; a canvas that was bumped 
 _DIMMEST = 0.01  # linear light: the camera's noise
 _OTHER_LIGHT = 0.3  # natural logarithm of the light beside the edge, relative to that of all places
 _MAX_COVERED = 0.015  # metres along the edge
+
 _CELL = 0.006  # metres; side of the squares in which the canvas is compared
 _BESIDE = 2  # squares
 _A_CHANGE = 6.0  # CIELAB; larger planned differences count as a change
@@ -187,7 +188,7 @@ class FrameCheck:
 
     @property
     def moved(self) -> str:
-        """What a small motion of the canvas means for a painting; "" without one, or without printed markers.
+        """Sentence about a small motion of the canvas; "" without one, or without printed markers.
 
         Only those tell it from a motion of the camera.
         """

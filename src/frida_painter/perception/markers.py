@@ -246,7 +246,7 @@ class CameraMotion:
 
     @property
     def sentence(self) -> str:
-        """What it means for a painting; "" if it is not told from noise."""
+        """Sentence about it; "" if it is not told from noise."""
         if not self.far > TELLS:
             return ""
         return (

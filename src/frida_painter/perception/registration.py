@@ -39,6 +39,7 @@ _SPREAD = 0.15  # logarithm of light; error of the rendered paint
 _SMOOTHNESS = 0.7  # pixels, standard deviation; equal smoothness on and between pixels
 _RIM = 4  # pixels on each side of the canvas edge that show its blur
 _BLUR = 0.8  # pixels, standard deviation of that blur
+
 _WITNESSES, _WIDEST = 20, 12  # number of witnesses along the shorter side; largest side in pixels
 _FAINT, _LOUD = 1 / 15, 4 / 15  # parts of a witness's side, in worse pixels: hardly counts; counts fully
 _MURMUR = 0.02  # share of a witness's pixels that is ignored

@@ -24,7 +24,7 @@ def setup(
 
     A preset says what is known of your kind of machine. You guide the tip with the arrow keys. The outlines
     are then traced in the air, and three strokes are painted. You can leave at any step; the same command
-    continues. It writes a workspace, a calibration record, and a picture of both.
+    continues. It writes a workspace, a calibration record, and a picture of the table.
     """
     from frida_painter.hardware.preset import read_preset
     from frida_painter.system.devices import prepare_process
@@ -74,7 +74,7 @@ def _tell(event: "SetupEvent") -> None:
             print(f"\nStep {list(STEPS).index(name) + 1} of {len(STEPS)}: {STEPS[name][0]}")
         case ResultFound("setup", detail=told):
             print(f"\nThe workspace: {told['workspace']}\nThe calibration record: {told['record']}")
-            print(f"Both as a picture: {told['sheet']}")
+            print(f"The table as a picture: {told['sheet']}")
             for each in told["commands"]:
                 print(f"{each['about']}:\n  {each['command']}")
         case _:

@@ -111,8 +111,8 @@ def read_card(card: CardReading) -> Finding:
     """Returns what the printed card of colours tells.
 
     A printer's inks are several CIEDE2000 off. Its tone curves do not matter: they are fitted too, since a camera's
-    bands are linear in light. What the map does not explain of patches that it did not see is the card's own error, and
-    that share of the squared deviation is left uncorrected (W. James and C. Stein, "Estimation with quadratic loss",
+    bands are linear in light. The error of patches that the map did not see is the card's own. Its share of the squared
+    deviation is left uncorrected (W. James and C. Stein, "Estimation with quadratic loss",
     1961).
     Raises CalibrationError if its colours are strange.
     """

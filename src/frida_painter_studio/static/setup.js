@@ -102,7 +102,7 @@ export function setup(house) {
   function drawPicture(state, tip) {
     const sheet = state.written && !state.working ? `${PATH}/files/${state.written.sheet}` : "";
     if (sheet) {
-      if (!picture.querySelector(`img[src="${sheet}"]`)) show(picture, h("img", { class: "sheet", src: sheet, alt: "The workspace from above, and the calibration record" }));
+      if (!picture.querySelector(`img[src="${sheet}"]`)) show(picture, h("img", { class: "sheet", src: sheet, alt: "The workspace from above" }));
     } else if (state.stands) show(picture, table(state.stands.table, tip));
     else show(picture, h("div", { class: "mount empty" }, h("p", {}, "The machine's table will be shown here.")));
   }
