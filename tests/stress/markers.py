@@ -110,18 +110,18 @@ def main() -> None:
     torch.set_num_threads(1)
     if options.quick:
         options.studios, options.looks, options.moves = 1, 2, 2
-    corners: dict[str, list[float]] = {"without": [], "with": []}
-    colors: dict[str, list[float]] = {"without": [], "with": [], "leaking, without": [], "leaking, with": []}
+    corners: dict[str, list[float]] = {"corners, without": [], "corners, with": []}
+    colors: dict[str, list[float]] = {}
     seen: dict[str, list[float]] = {}
     for bleed, kind in ((0.02, ""), (0.1, "leaking, ")):
         for studio, spec, seed in studios(options.seed, options.studios, bleed):
             record, off = calibrate(studio)
-            corners["without"] += off
-            colors[f"{kind}without"].append(colors_off(spec, record))
+            corners["corners, without"] += off
+            colors.setdefault(f"colours, {kind}without", []).append(colors_off(spec, record))
             lay_sheet(studio, Printer.sample(seed))
             record, off = calibrate(studio)
-            corners["with"] += off
-            colors[f"{kind}with"].append(colors_off(spec, record))
+            corners["corners, with"] += off
+            colors.setdefault(f"colours, {kind}with", []).append(colors_off(spec, record))
             if not kind:
                 studio.table.over = ()
                 part = [-(-whole // options.studios) for whole in (options.looks, options.moves)]

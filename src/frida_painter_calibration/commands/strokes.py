@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from frida_painter import registry
 from frida_painter.brush import (
@@ -24,8 +23,6 @@ from frida_painter.system import storage
 from frida_painter_calibration.options import BrushOption, SeedOption, listing_option
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
     from frida_painter.brush.kinds import BrushKind
@@ -35,8 +32,6 @@ if TYPE_CHECKING:
 
 
 # strokes evaluate: error of a stroke model on really painted strokes.
-
-_SHOWN = 8
 
 
 def evaluate_model(
@@ -82,7 +77,7 @@ def evaluate_model(
         "outside_the_limits": found.outside,
     }
     if not as_json:
-        _show(columns, found, foretold)
+        _show(found, foretold)
         return
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     record = {
@@ -100,9 +95,9 @@ def evaluate_model(
     print(json.dumps(record, indent=2))
 
 
-def _show(columns: "Mapping[str, NDArray[Any]]", found: "Evaluation", foretold: "Likelihood") -> None:
-    """Prints the errors, and a table of the strokes that are farthest off."""
-    console, error = Console(highlight=False), found.error
+def _show(found: "Evaluation", foretold: "Likelihood") -> None:
+    """Prints the errors."""
+    error = found.error
     told = [
         f"{len(error)} strokes: mean absolute error [bold]{error.mean():.4f}[/] (bare paper would give "
         f"{found.paint.mean():.4f}); half of the strokes are below {sorted(error)[len(error) // 2]:.4f}, the worst has "
@@ -111,19 +106,8 @@ def _show(columns: "Mapping[str, NDArray[Any]]", found: "Evaluation", foretold: 
         f"{foretold.constant:.2f} with one variance for all cells.",
     ]
     if found.outside.any():
-        told.append(f"{found.outside.sum()} of them are outside the lengths and bends that the model knows (marked *).")
-    console.print("\n".join(told), soft_wrap=True)
-    worst = error.argsort()[::-1][:_SHOWN]
-    table = Table("stroke", "thickness", "length", "bend", "error", title=f"The {len(worst)} farthest off", box=None)
-    for column in table.columns:
-        column.justify = "right"
-    for index in worst:
-        number, thickness, length, bend, off, outside = (column[index] for column in columns.values())
-        mark = "*" if outside else ""
-        table.add_row(
-            f"{number}{mark}", f"{thickness:.2f}", f"{1000 * length:.1f} mm", f"{1000 * bend:.1f} mm", f"{off:.4f}"
-        )
-    console.print(table)
+        told.append(f"{found.outside.sum()} of them are outside the lengths and bends that the model knows.")
+    Console(highlight=False).print("\n".join(told), soft_wrap=True)
 
 
 # strokes train: from photographs of strokes to a stroke model.

@@ -319,11 +319,11 @@ _SPOILED = (253, 236, 228)
 def contact_sheet(library: StrokeLibrary, title: str) -> Tensor:
     """Returns the strokes in the order of their recording, sRGB [3, H, 1800] in [0, 1].
 
-    A dirty stroke has red paper and the reason below. Of more than 600 strokes it shows all dirty ones first, and
-    as many others as fit.
+    A dirty stroke has red paper and the reason below. Of more than 600 strokes it shows the dirty ones, and as
+    many others as fit.
     """
     flaws = judge(library)
-    shown = _choose(flaws)
+    shown = np.argsort(flaws == Flaw.NONE, kind="stable")[:MAX_SHOWN]
     shown = shown[np.argsort(library.recorded_index[shown], kind="stable")]
     rows, columns = library.magnitude.shape[1:]
     room, aspect = _WIDTH - 2 * _MARGIN, rows / columns
@@ -351,12 +351,3 @@ def contact_sheet(library: StrokeLibrary, title: str) -> Tensor:
         if flaw:
             sheet.text((left + grid.width, top + grid.height + 3), flaw.words, 12, WARNING, "ra")
     return sheet.tensor()
-
-
-def _choose(flaws: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Returns the indices of the strokes to show."""
-    if len(flaws) <= MAX_SHOWN:
-        return np.arange(len(flaws))
-    dirty, rest = np.flatnonzero(flaws)[:MAX_SHOWN], np.flatnonzero(flaws == Flaw.NONE)
-    some = rest[np.linspace(0, len(rest) - 1, MAX_SHOWN - len(dirty)).round().astype(int)] if len(rest) else rest
-    return np.unique(np.concatenate([dirty, some]))
