@@ -323,7 +323,7 @@ def confirm(question: str, *, default: bool | None) -> bool:
         try:
             answer = input(f"{question} {choice} ").strip().lower()
         except (EOFError, KeyboardInterrupt) as end:
-            raise Interrupted("Nobody answered, and nothing was painted; for scripts there is --yes.") from end
+            raise Interrupted("Nobody answered, and nothing was done; for scripts there is --yes.") from end
         if answer in ("y", "yes", "n", "no") or not (answer or default is None):
             return answer[:1] == "y" if answer else bool(default)
         print("Type y or n.")

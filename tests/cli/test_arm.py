@@ -53,7 +53,7 @@ def test_who_leaves_without_an_answer_arms_nothing(
 ) -> None:
     latch = stopped("virtual studio 0")
     assert run_command("arm") == 2
-    assert "stays stopped" in capsys.readouterr().err and latch.read() is not None
+    assert "Nobody answered" in capsys.readouterr().err and latch.read() is not None
 
 
 def test_a_script_has_to_say_that_somebody_looked(

@@ -11,7 +11,7 @@ import typer
 from frida_painter.brush import FEWEST_STROKES, MAX_BETWEEN_REFILLS, MAX_STROKES
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.easel.kinds import state_folder
-from frida_painter.errors import ConfigError, Interrupted, RobotStopped, StorageError
+from frida_painter.errors import ConfigError, RobotStopped, StorageError
 from frida_painter.hardware.latch import latches
 from frida_painter.registry import Later
 from frida_painter.runs.options import out_file, setting_option, taking, whole_number_option, with_fields
@@ -182,6 +182,8 @@ def arm(
     A stop lasts until you arm the robot, even after a restart. Reasons for a stop are a second Ctrl-C,
     the stop file, a painter process that does not respond, and a fault of the robot.
     """
+    from frida_painter_cli.leading import confirm
+
     held = latches(state_folder())
     refused: StorageError | None = None
     if not held:
@@ -191,7 +193,12 @@ def arm(
         if stopped is None:
             continue  # another process has released it
         print(f"{stopped}.")
-        if yes or _confirm():
+        if not (yes or sys.stdin.isatty()):
+            raise RobotStopped(
+                "A robot is armed by somebody who looks at it: run `frida-painter arm` in a terminal beside it, or, "
+                "from a script of your own, with --yes."
+            )
+        if yes or confirm("Is nobody in its way, and is the brush free? Arm it?", default=False):
             try:
                 latch.release()
             except StorageError as failure:
@@ -202,22 +209,6 @@ def arm(
         print(f"{stopped.easel} stays stopped.")
     if refused is not None:
         raise refused
-
-
-def _confirm() -> bool:
-    """Returns True if the person at the terminal confirms.
-
-    Raises RobotStopped if nobody sits at a terminal, Interrupted if the person leaves.
-    """
-    if not sys.stdin.isatty():
-        raise RobotStopped(
-            "A robot is armed by somebody who looks at it: run `frida-painter arm` in a terminal beside it, or, from a "
-            "script of your own, with --yes."
-        )
-    try:
-        return input("Is nobody in its way, and is the brush free? Arm it? [y/N] ").strip().lower() in ("y", "yes")
-    except (EOFError, KeyboardInterrupt) as end:
-        raise Interrupted("Nothing was changed; the robot stays stopped.") from end
 
 
 def parts(
