@@ -101,7 +101,8 @@ class FrameCheck:
     view: plane of the canvas as the camera sees it
     last: last good photograph in that view, from CanvasView.light
     drift: motion of the canvas from the first photograph to the last one
-    told: drift that was last told to people
+    slid: the same by what no stroke can have changed, with printed markers
+    told: motion that was last told to people
     """
 
     calibration: Calibration
@@ -112,6 +113,7 @@ class FrameCheck:
     view: CanvasView = field(repr=False)
     last: Pixels = field(repr=False)
     drift: CanvasShift = field(default_factory=CanvasShift)
+    slid: CanvasShift = field(default_factory=CanvasShift)
     told: CanvasShift = field(default_factory=CanvasShift)
 
     @classmethod
@@ -182,9 +184,12 @@ class FrameCheck:
         tells = found.motion.corner_shift(self.size) > _TELLABLE * large
         is_drift = tells and found.verdict is not Verdict.UNSURE
         drift = self.drift.followed_by(found.motion) if is_drift else self.drift
-        since = CanvasShift.of(drift.values - self.told.values).corner_shift(self.size)
-        told = drift if since > TELLS else self.told
-        return replace(self, last=self.view.light(photograph), drift=drift, told=told)
+        slid, told = self.slid, self.told
+        if self.calibration.markers:  # strokes beside their places look like motions of up to 0.3 mm
+            slid = slid.followed_by((found if expected is None else self.register(photograph, None)).motion)
+            since = CanvasShift.of(slid.values - told.values).corner_shift(self.size)
+            told = slid if since > TELLS else told
+        return replace(self, last=self.view.light(photograph), drift=drift, slid=slid, told=told)
 
     @property
     def moved(self) -> str:
