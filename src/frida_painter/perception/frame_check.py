@@ -19,7 +19,6 @@ from torch.nn import functional
 from frida_painter.calibration import Calibration
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import FrameDoubtful, FrameRejected
-from frida_painter.perception.edges import trace_sides
 from frida_painter.perception.flatfield import read_margin
 from frida_painter.perception.rectify import pixels_per_metre
 from frida_painter.perception.registration import (
@@ -31,6 +30,7 @@ from frida_painter.perception.registration import (
     Registration,
     Verdict,
     register,
+    trace_sides,
 )
 from frida_painter.strokes.palette import to_lab
 from frida_painter.system import images

@@ -18,9 +18,9 @@ from frida_painter.calibration import Corners
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens, PixelGrid
-from frida_painter.perception.edges import fit_line, intersect, measure_distance, trace_sides
 from frida_painter.perception.flatfield import fit_robustly
 from frida_painter.perception.markers import MarkedCanvas, find_marks, read_pieces
+from frida_painter.perception.registration import fit_line, intersect, measure_distance, trace_sides
 from frida_painter.system.images import light_of_bytes, to_linear
 
 # Outline of the canvas, and distortion of the lens

@@ -17,9 +17,8 @@ from frida_painter.calibration import Calibration, Matrix
 from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import CalibrationError
 from frida_painter.frames import Lens
-from frida_painter.perception.edges import fit_line, intersect, trace_sides
 from frida_painter.perception.rectify import pixels_per_metre
-from frida_painter.perception.registration import TELLS
+from frida_painter.perception.registration import TELLS, fit_line, intersect, trace_sides
 from frida_painter.system.images import light_of_bytes
 
 DICTIONARY = cv2.aruco.DICT_4X4_50
