@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
 
 from frida_painter import registry
 from frida_painter.errors import CameraError, ConfigError, FridaError, RobotError, WeightsError
@@ -66,6 +67,33 @@ def test_the_page_says_what_words_need(monkeypatch: pytest.MonkeyPatch) -> None:
     told = abilities()
     assert told["image"]["ready"] and not told["text"]["ready"]
     assert 'extra "words"' in str(told["text"]["advice"])
+
+
+def test_a_package_that_this_system_has_not_is_told_with_the_systems_that_have_it(
+    installation: Callable[..., list[str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    declared = tomllib.loads(PYPROJECT.read_text())["project"]["optional-dependencies"]
+    lines = [
+        f"{one.name}; extra == '{extra}'" + (f" and {one.marker}" if one.marker else "")
+        for extra in ("franka", "gphoto", "so101")
+        for one in map(Requirement, declared[extra])
+    ]
+    told, wanted = {}, registry._wanted
+    for system in registry.SYSTEMS.values():
+        monkeypatch.setattr(registry, "_wanted", lambda extra, other, here=system: wanted(extra, other or here))
+        installation(declared=lines)
+        told[system["platform_machine"]] = [registry.advice(extra, "It") for extra in ("franka", "gphoto", "so101")]
+    only = "franky-control exists for Linux on Intel and AMD alone"
+    assert [only in franka for franka, _, _ in told.values()] == [True, True, True, False]
+    assert ["gphoto2 exists for macOS, Linux" in gphoto for _, gphoto, _ in told.values()] == [
+        True,
+        False,
+        False,
+        False,
+    ]
+    assert "install franky-control" in told["x86_64"][0] and all(
+        "install feetech" in so101 for _, _, so101 in told.values()
+    )
 
 
 def test_an_extra_is_asked_for_without_being_loaded(monkeypatch: pytest.MonkeyPatch) -> None:

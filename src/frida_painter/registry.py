@@ -12,6 +12,7 @@ metadata of an editable installation may be out of date, and has no order.
 
 import inspect
 import os
+import platform
 import shlex
 import shutil
 import sys
@@ -241,11 +242,27 @@ def is_installed(package: str) -> bool:
     return find_spec(package) is not None
 
 
+SYSTEMS = {
+    "Windows": {"sys_platform": "win32", "platform_system": "Windows", "platform_machine": "AMD64"},
+    "macOS": {"sys_platform": "darwin", "platform_system": "Darwin", "platform_machine": "arm64"},
+    "Linux on ARM": {"sys_platform": "linux", "platform_system": "Linux", "platform_machine": "aarch64"},
+    "Linux on Intel and AMD": {"sys_platform": "linux", "platform_system": "Linux", "platform_machine": "x86_64"},
+}
+"""Systems of people, a Raspberry Pi being Linux on ARM, in the words of a requirement's markers."""
+
+
 def advice(extra: str, user: str) -> str:
-    """Returns a sentence that names the missing extra and the command that installs it.
+    """Returns a sentence that names the missing extra and the command that installs it, or the systems that have it.
 
     user: subject of the sentence, for example "The studio"
     """
+    elsewhere = {name: found for name, system in SYSTEMS.items() if (found := _wanted(extra, system))}
+    if elsewhere and not _wanted(extra, {}):
+        names = ", ".join(dict.fromkeys(one.name for found in elsewhere.values() for one in found))
+        return (
+            f'{user} needs the extra "{extra}", and its {names} exists for {", ".join(elsewhere)} alone; this is '
+            f"{platform.system()} on {platform.machine()}"
+        )
     return f'{user} needs the extra "{extra}", which is not installed; say: {install_command(extra)}'
 
 
@@ -274,22 +291,13 @@ def install_command(extra: str) -> str:
     It names packages and versions from the metadata, because the project itself need not be on any index. Without
     metadata it names the folder of the project.
     """
-    from packaging.requirements import Requirement
-
-    try:
-        declared = [Requirement(line) for line in requires(OURS) or ()]
-    except PackageNotFoundError:
-        declared = []
-
-    def is_for(one: "Requirement", extra: str) -> bool:
-        return one.marker is None or one.marker.evaluate({"extra": extra})
 
     def is_satisfied(one: "Requirement") -> bool:
         with suppress(PackageNotFoundError):
             return one.specifier.contains(version(one.name), prereleases=True)
         return False
 
-    wanted = [one for one in declared if is_for(one, extra) and not is_for(one, "")]
+    wanted = _wanted(extra, {})
     lacking = [one for one in wanted if not is_satisfied(one)] or wanted  # all, if one is here but broken
     packages = [str(one).partition(";")[0] for one in lacking] or [f"{Path(__file__).parents[2]}[{extra}]"]
     python = shlex.quote(sys.executable)
@@ -300,6 +308,21 @@ def install_command(extra: str) -> str:
     if sys.prefix == sys.base_prefix and Path(sysconfig.get_path("stdlib"), "EXTERNALLY-MANAGED").is_file():
         command += " --break-system-packages"  # this project was installed so
     return f"{command} {shlex.join(packages)}"
+
+
+def _wanted(extra: str, system: Mapping[str, str]) -> "list[Requirement]":
+    """Returns the requirements of an extra alone, here or on another system of SYSTEMS; none without metadata."""
+    from packaging.requirements import Requirement
+
+    try:
+        declared = [Requirement(line) for line in requires(OURS) or ()]
+    except PackageNotFoundError:
+        return []
+
+    def is_for(one: "Requirement", extra: str) -> bool:
+        return one.marker is None or one.marker.evaluate({**system, "extra": extra})
+
+    return [one for one in declared if is_for(one, extra) and not is_for(one, "")]
 
 
 # Cache of network weights: <cache>/<name>/, with a record that is written last.

@@ -19,7 +19,7 @@ from frida_painter.hardware.easel import Easel
 from frida_painter.runs.painting_easel import order
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.opening import require_basis
-from frida_painter.system import images
+from frida_painter.system import images, storage
 from frida_painter.virtual.studio import open_studio
 from frida_painter_calibration.options import SurfaceOptions
 from frida_painter_calibration.procedures.brush import brush
@@ -53,7 +53,7 @@ def easel_of(spec: RunSpec, folder: Path | None = None, state: Path | None = Non
 
 def default_record(easel: str) -> Path:
     """Returns the default file of an easel's calibration record."""
-    folder = "-".join(easel.split())
+    folder = storage.file_name("-".join(easel.split()))
     return user_data_path("frida-painter", appauthor=False) / "easels" / folder / "calibration.json"
 
 

@@ -140,7 +140,7 @@ def take_up(order: SetupOrder) -> Generator[SetupQuestion, Answer, "MachineSetup
 
 def _require_package(preset: Preset) -> None:
     if preset.needed is not None:
-        raise ConfigError(f"{preset.title} needs a package; install it with: {preset.needed.command}")
+        raise ConfigError(preset.needed.advice(preset.title))
 
 
 def _choose_preset() -> Generator[SetupQuestion, Answer, str]:

@@ -81,7 +81,7 @@ def draw_marker_sheet(canvas: CanvasSize, paper: CanvasSize) -> Sheet:
     top += 2 * high + 13
     _draw_card(page, middle, top + 17)
     if 1000 * paper.height >= top + 106:
-        _draw_table(page, middle, top + 44)
+        _draw_table(page, middle, top + 44, canvas)
     return page.sheet
 
 
@@ -107,18 +107,20 @@ def _draw_piece(page: _Page, at: tuple[float, float], kind: int, corner: int) ->
     page.text(x - out * _BELOW / 2, y + inwards * end / 2, "canvas", 7 / 72 * DOTS, "mm")
 
 
-def _draw_table(page: _Page, x: float, top: float) -> None:
-    """Draws the table from above: the canvas with its pieces and the card."""
-    page.box(x - 60, top, x + 60, top + 52, (226, 219, 207))
-    for number, (out, down) in enumerate(((-1, 6), (1, 6), (1, 35), (-1, 35))):
-        left = x + out * 40 - (12 if out < 0 else 0)
+def _draw_table(page: _Page, x: float, top: float, canvas: CanvasSize) -> None:
+    """Draws the table from above: the canvas, upright or not as it is, with its pieces and the card."""
+    scale = min(80 / canvas.width, 40 / canvas.height)
+    half, high = max(scale * canvas.width / 2, 14.0), max(scale * canvas.height, 24.0)
+    page.box(x - 60, top, x + 60, top + high + 12, (226, 219, 207))
+    for number, (out, down) in enumerate(((-1, 6), (1, 6), (1, high - 5), (-1, high - 5))):
+        left = x + out * half - (12 if out < 0 else 0)
         page.box(left, top + down, left + 12, top + down + 11, (255, 255, 255))
         page.box(left + 3, top + down + 2, left + 9, top + down + 8, _DARK)
-        page.text(x + out * 54.5, top + down + 5.5, f"{number + 1}", anchor="mm")
-    page.box(x - 40, top + 6, x + 40, top + 46, (250, 250, 250))
-    page.box(x - 24, top + 29, x + 24, top + 38, (200, 208, 214))
-    page.text(x, top + 18, "canvas, top edge up", anchor="mm")
-    page.text(x, top + 33.5, "card of colours", 8 / 72 * DOTS, "mm")
+        page.text(x + out * (half + 14.5), top + down + 5.5, f"{number + 1}", anchor="mm")
+    page.box(x - half, top + 6, x + half, top + 6 + high, (250, 250, 250))
+    page.box(x - min(24, half - 2), top + high - 11, x + min(24, half - 2), top + high - 2, (200, 208, 214))
+    page.text(x, top + 0.45 * high, "canvas, top edge up", 8 / 72 * DOTS, "mm")
+    page.text(x, top + high - 6.5, "card of colours", 8 / 72 * DOTS, "mm")
 
 
 def _draw_ruler(page: _Page, left: float, top: float) -> None:

@@ -11,6 +11,7 @@ from frida_painter import registry
 from frida_painter.errors import ConfigError, Interrupted, MakingFailed, PluginError
 from frida_painter.planning.settings import SettingSection, setting
 from frida_painter.runs.spec import GoalSettings, RunSpec
+from frida_painter.system.operating_system import forget_keys
 from frida_painter_cli.stop_signal import stop_on_signals
 
 if TYPE_CHECKING:
@@ -139,6 +140,7 @@ def choose_picture(making: Any, ask: Callable[[str], str] | None) -> Path:
         _tell(f"Picture {best} is painted, because {making.rule}.")
         return making.choose(making.best, making.rule)
     prompt = f"Look at them, and type the number of the one to paint, or press Enter for {best} ({making.rule}): "
+    forget_keys(sys.stdin)
     while True:
         try:
             line = ask(prompt).strip()

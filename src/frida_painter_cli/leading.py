@@ -317,8 +317,7 @@ def confirm(question: str, *, default: bool | None) -> bool:
     default: of Enter; None if it is no answer, because a machine moves then
     """
     choice = "[y/n]" if default is None else "[Y/n]" if default else "[y/N]"
-    if default is None:
-        forget_keys(sys.stdin)
+    forget_keys(sys.stdin)
     while True:
         try:
             answer = input(f"{question} {choice} ").strip().lower()

@@ -188,7 +188,7 @@ class Terminal:
         if isinstance(question, Guide) and self.keys is not None:
             return self.keys.answer(question, self.tell)
         prompt, understand, allowed = _in_words(question)
-        if isinstance(question, Confirm) and question.moves:
+        if not getattr(question, "again", False):
             forget_keys(sys.stdin)
         while True:
             try:

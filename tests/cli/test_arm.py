@@ -28,6 +28,7 @@ def at_the_terminal(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     monkeypatch.setattr("builtins.input", answer)
+    monkeypatch.setattr("frida_painter_cli.leading.forget_keys", lambda terminal: None)
     return answers
 
 

@@ -1,11 +1,14 @@
+import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import torch
 
-from frida_painter.easel.dialogue import Confirm, Jog, JogMove, Measure, PointCorners, lead
+from frida_painter.easel.dialogue import Confirm, Jog, JogMove, Measure, PointCorners, SetupQuestion, lead
 from frida_painter.errors import Interrupted
+from frida_painter.system.operating_system import is_typed
 from frida_painter_cli.terminal import Terminal
 
 PICTURE = torch.full((3, 20, 30), 0.5)
@@ -43,6 +46,23 @@ def test_yes_and_no(tmp_path: Path, line: str, proposal: bool, answer: bool) -> 
     assert script.told[0] == "Is it dry?"
     assert script.prompts == ["[Y/n] " if proposal else "[y/N] "]
     assert (tmp_path / "question.png").exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such terminals")
+@pytest.mark.parametrize(
+    "question", [Confirm("Is it dry?"), PointCorners("Where?", PICTURE, CORNERS), Measure("?", 0, 1, 0.5)]
+)
+def test_an_enter_that_was_typed_before_a_question_accepts_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, question: SetupQuestion
+) -> None:
+    keyboard, screen = os.openpty()
+    with os.fdopen(screen, "r") as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        os.write(keyboard, b"\n")
+        assert is_typed(terminal.fileno(), 10)
+        Script(tmp_path, "").terminal.answer(question)
+        assert not is_typed(terminal.fileno(), 0)
+    os.close(keyboard)
 
 
 def test_what_cannot_be_understood_is_asked_again(tmp_path: Path) -> None:

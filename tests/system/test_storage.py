@@ -219,3 +219,20 @@ def test_numbers_that_fit_into_nothing_are_no_toml(tmp_path: Path, text: str) ->
     (tmp_path / "a.toml").write_text(text)
     with pytest.raises(ConfigError, match=r"is not TOML \(.*\); write lines"):
         storage.read_toml(tmp_path / "a.toml", "a goal file", 10**6, "write lines")
+
+
+@given(
+    st.text(max_size=30)
+    | st.sampled_from(["con", "LPT1.txt", "nul .x", "a:b", "end. ", "COM²", "conin$", "console", "a.con"])
+)
+def test_a_name_of_a_file_is_one_on_windows_as_well(text: str) -> None:
+    """As Windows says: none of its signs, no point or space at the end, no device before the first point."""
+    name = storage.file_name(text)
+    devices = {"con", "prn", "aux", "nul", "conin$", "conout$"} | {
+        f"{one}{n}" for one in ("com", "lpt") for n in "0123456789¹²³"
+    }
+    assert name and not {*name} & {*'<>:"/\\|?*', *map(chr, range(32))} and name[-1] not in ". "
+    assert name.split(".")[0].rstrip(" ").lower() not in devices
+    assert storage.file_name(name) == name
+    if text.isalnum() and text.lower() not in devices:
+        assert name == text

@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 from platformdirs import user_state_path
 
 from frida_painter.errors import ConfigError, StorageError
-from frida_painter.registry import install_command
+from frida_painter.registry import advice
 from frida_painter.system import storage
 
 if TYPE_CHECKING:
@@ -219,10 +219,9 @@ class Needed:
     module: str = ""
     extra: str = ""
 
-    @property
-    def command(self) -> str:
-        """Command that installs what is lacking."""
-        return install_command(self.extra) if self.extra else self.install
+    def advice(self, user: str) -> str:
+        """Returns a sentence that says how to install what is lacking; user: its subject."""
+        return advice(self.extra, user) if self.extra else f"{user} needs a package; say: {self.install}"
 
     @property
     def lacking(self) -> bool:

@@ -226,7 +226,7 @@ def _list(*folders: Path | None) -> list[Path]:
 
 def latch_path(state: Path, easel: str) -> Path:
     """Returns the path of the latch of an easel in the user's own folder, below the folder `state`."""
-    return state / "stopped" / f"{re.sub(r'[^A-Za-z0-9._]+', '-', easel)}.json"
+    return state / "stopped" / storage.file_name(f"{re.sub(r'[^A-Za-z0-9._]+', '-', easel)}.json")
 
 
 def latch_of(state: Path, easel: str, machines: Iterable[str]) -> Latch:

@@ -130,7 +130,7 @@ class LookFolder:
 
         Raises StorageError.
         """
-        copy = storage.find_unused(self.path / f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}")
+        copy = storage.find_unused(self.path / storage.file_name(f"{time.strftime('%Y%m%d-%H%M%S')}-{picture.name}"))
         if corners is not None:
             storage.write_json(_corners_file(copy), {"corners": [list(corner) for corner in corners]})
         storage.copy(picture, copy, "a picture of the canvas", storage.MAX_BYTES)

@@ -81,7 +81,7 @@ def new_folder(out: Path | None, name: str, needed: int) -> Path:
 
     The folder is `out`, or one under "paintings" that is named after the painting and the time.
     """
-    folder = out or PAINTINGS / f"{name}-{datetime.now():%Y%m%d-%H%M%S}"
+    folder = out or PAINTINGS / storage.file_name(f"{name}-{datetime.now():%Y%m%d-%H%M%S}")
     storage.require_space(folder, needed, "this painting")
     storage.new_folder(folder)
     return folder
@@ -114,7 +114,7 @@ def keep_goal(spec: RunSpec, folder: Path) -> None:
     for number, (table, item) in enumerate(tables, 1):
         value = item.value
         if item.path is not None:
-            copy = Path(str(number), item.path.name)
+            copy = Path(str(number), storage.file_name(item.path.name))
             record = making_file(item.path) if read_making(item.path) is not None else None
             for source, name in ((item.path, copy), (record, copy.parent / MAKING)):
                 if source is not None:

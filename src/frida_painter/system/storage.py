@@ -79,6 +79,15 @@ def find_unused(path: Path) -> Path:
     return next(one for one in itertools.chain((path,), numbered) if not os.path.lexists(one))
 
 
+_RESERVED = re.compile(r"(con|prn|aux|nul|con(in|out)\$|(com|lpt)[0-9¹²³]) *(\.|$)", re.IGNORECASE)
+
+
+def file_name(text: str) -> str:
+    """Returns a text as a name that a file or folder may have on every system, also on Windows; a good name stays."""
+    plain = re.sub(r'[\x00-\x1f<>:"/\\|?*]+', "-", text).rstrip(". ")
+    return f"_{plain}" if not plain or _RESERVED.match(plain) else plain
+
+
 def next_number(folder: Path, beginning: str, first: int = 1) -> int:
     """Returns the number after the largest one that follows `beginning` in the names of a folder's files."""
     named = (re.match(rf"{re.escape(beginning)}(\d+)", path.name) for path in folder.glob("*"))

@@ -211,6 +211,21 @@ def arm(
         raise refused
 
 
+def _confirm() -> bool:
+    """Returns True if the person at the terminal confirms.
+
+    Raises RobotStopped if nobody sits at a terminal, Interrupted if the person leaves.
+    """
+    if not sys.stdin.isatty():
+        raise RobotStopped(
+            "A robot is armed by somebody who looks at it: run `frida-painter arm` in a terminal beside it, or, from a "
+            "script of your own, with --yes."
+        )
+    from frida_painter_cli.leading import confirm  # loads tensors
+
+    return confirm("Is nobody in its way, and is the brush free? Arm it?", default=False)
+
+
 def parts(
     package: Annotated[str, typer.Argument(metavar="PACKAGE", help="The name of an installed package.")],
     example: Annotated[

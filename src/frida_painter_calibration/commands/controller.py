@@ -153,7 +153,7 @@ def _one_by_one(group: str, kind: type[Any]) -> Iterator[str]:
     def tell(part: Any) -> str:
         form = part.name if kind is EaselKind else part.form
         needed = part.needed
-        lacks = "" if needed is None or not needed.lacking else f"; [yellow]needs {_plain(needed.command)}[/]"
+        lacks = "" if needed is None or not needed.lacking else f"; [yellow]{_plain(needed.advice('it'))}[/]"
         return f"{_plain(form)} [dim]{_plain(part.title)}[/]{lacks}"
 
     return (_describe(part, kind, tell) for part in registry.parts(group).values())

@@ -18,7 +18,7 @@ from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.strokes.plan import Plan
-from frida_painter.system import images
+from frida_painter.system import images, storage
 from frida_painter.system.provenance import describe_here, identify
 from frida_painter_lab.engine import Share, TaskLimits, slots_here
 from frida_painter_lab.experiment import Notify, do_shares, find_runs, silent
@@ -181,7 +181,7 @@ def sweep(
 
 def default_folder(spec: SweepSpec) -> Path:
     """Returns the default folder of a sweep."""
-    return Path("sweeps") / (re.sub(r"[^\w.]+", "-", spec.title).strip("-.") or "sweep")
+    return Path("sweeps") / storage.file_name(re.sub(r"[^\w.]+", "-", spec.title).strip("-.") or "sweep")
 
 
 # The best of several plans with different seeds: a small sweep before a painting.
