@@ -23,7 +23,7 @@ MACHINES = {
     "Linux on Intel and AMD": tuple(f"manylinux_2_{version}_x86_64" for version in (17, 24, 27, 28)),
 }
 PYTHONS = ("3.11", "3.12", "3.13")
-NEEDED = ".[web,plotter,xarm,franka,so101,ros,gphoto]"
+NEEDED = ".[web,plotter,xarm,franka,so101,gphoto]"
 BUILT_HERE = ("pyvips", "feetech-servo-sdk")  # Python alone, built in a second
 
 

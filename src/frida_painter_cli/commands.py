@@ -69,6 +69,7 @@ _LISTED = {
     },
     "frida_painter_cli.plans": {
         "export": "Export the strokes of a plan as SVG, G-code or CSV, in millimetres.",
+        "tiles": "Cut the plan of a picture that is larger than your machine into tiles, each an ordinary painting.",
         "check": "Check whether a robot can paint a whole plan on an easel, and how long it takes. Nothing moves.",
         "trace": "Trace the outline of the canvas and of a plan in the air, without paint.",
         "mix": "Give a recipe for each colour of a palette, from the paints that you own, with the predicted error.",

@@ -189,13 +189,20 @@ def render(
     """Render a plan as a picture of any size.
 
     Up to 1080 rows, the stroke models of its brushes draw it; they know no more detail. Above, bristles of the virtual
-    studio lay each stroke exactly where it is planned.
+    studio lay each stroke exactly where it is planned. Of a folder that `tiles` made, the tiles are joined, as far as
+    they are painted.
     """
     from frida_painter.render.painting import render_plan
     from frida_painter.strokes.plan import Plan
     from frida_painter.system import images
     from frida_painter_cli.plan_output import lay_with_bristles
+    from frida_painter_cli.tiling import LAYOUT, join_tiles
 
+    if (plan / LAYOUT).exists():
+        joined, painted = join_tiles(plan, height)
+        images.save(joined, out)
+        print(f"Painted: {', '.join(painted) or 'none yet'}; all others as planned: {out}")
+        return
     loaded = Plan.load(plan)
     laid = lay_with_bristles(loaded, height) if height > 1080 else None
     picture = render_plan(loaded, height) if laid is None else images.from_uint8(laid)

@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from frida_painter.canvas_size import CanvasSize
 from frida_painter.errors import ConfigError
 from frida_painter.mixing import Finish
 from frida_painter.registry import Later
@@ -18,6 +19,7 @@ from frida_painter.runs.options import (
     any_number,
     number_within,
     out_file,
+    out_folder,
     taking,
     whole_number_option,
     with_fields,
@@ -254,6 +256,31 @@ def export(
         typer.echo(f"{count_of(len(part), 'stroke')} in {paints}: {name}")
 
 
+def tiles(
+    plan: PlanFile,
+    sheet: Annotated[
+        str, taking("SIZE", "The canvas of your machine: what one tile may measure, like A4.", show_default=False)
+    ],
+    overlap: Annotated[
+        float, taking("MM", "How far neighbours lie over each other at least.", parser=number_within(0, 1000))
+    ] = 60,
+    once: Annotated[
+        bool, typer.Option("--one-canvas", help="The tiles are parts of one canvas that you move under the machine.")
+    ] = False,
+    out: Annotated[Path, taking("FOLDER", "The folder to make.", parser=out_folder)] = Path("tiles"),
+) -> None:
+    """Cut the plan of a picture that is larger than your machine into tiles, each an ordinary painting.
+
+    Tiles are sheets that you cut and lay edge to edge, or parts of one canvas (--one-canvas). A stroke that a cut
+    crosses is painted on both sheets. Colours are those of the whole. Each tile is painted with the printed command,
+    and resumed as any painting; `frida-painter render FOLDER` joins them.
+    """
+    from frida_painter_cli.tiling import write_tiles
+
+    for line in write_tiles(plan, CanvasSize.parse(sheet), overlap / 1000, out, once=once):
+        print(line)
+
+
 def check(
     plan: PlanFile,
     robot: Annotated[
@@ -327,6 +354,7 @@ def register(app: typer.Typer) -> None:
     """Adds the commands."""
     app.command("mix")(mix)
     app.command("export")(with_fields(export))
+    app.command("tiles")(tiles)
     app.command("check")(check)
     app.command("trace")(trace)
     group = typer.Typer(

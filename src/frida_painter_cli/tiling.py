@@ -1,0 +1,254 @@
+"""Work of `tiles`: one plan of a picture that is larger than the machine, as ordinary plans of parts that overlap.
+
+A tile is a sheet of its own, or the part of one large canvas that lies under the machine at a time. Its folder holds
+all that `paint` needs; its painting stands below it. `tiles.json` says how the tiles lie, and joins the paintings.
+"""
+
+import itertools
+import math
+import shlex
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from frida_painter.brush.weights import load_models_of
+from frida_painter.canvas_size import CanvasSize
+from frida_painter.errors import ConfigError, PlanError
+from frida_painter.frames import PixelGrid
+from frida_painter.render.painting import render_plan
+from frida_painter.report.vector import plan_widths
+from frida_painter.runs.painting_folder import RunRecord, read_goal
+from frida_painter.runs.run import PaintingRun
+from frida_painter.runs.settle import ground_of
+from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
+from frida_painter.strokes.plan import Plan
+from frida_painter.system import images, storage
+from frida_painter.system.devices import prepare_process
+from frida_painter.system.sheet import INK, PAPER, WARNING, Sheet, scale
+from frida_painter.system.storage import count_of
+
+LAYOUT = "tiles.json"
+"""File of a folder of tiles that says how they lie."""
+PAINTING = "painting"
+"""Folder of a tile's painting, in the folder of the tile."""
+_ROWS = 720  # of a tile's picture
+_MAX_TILES = 64
+_WIDE, _MARGIN, _HEAD = 1000, 60, 150  # pixels of the sheet
+_ON_SHEETS = (
+    "Paint each sheet, let it dry, cut it along the red lines, and lay all edge to edge.",
+    "Numbers: mm from the sheet's left and lower edge to its cuts.",
+)
+_ON_ONE_CANVAS = (
+    "Mark the corners of all tiles on the canvas; lay one after another where the easel's canvas lies, by its markers",
+    "or corners. Numbers: mm from the canvas's left and lower edge.",
+)
+Span = tuple[float, float]
+
+
+def divide(whole: float, tile: float, overlap: float) -> list[Span]:
+    """Returns begin and end of the fewest tiles along a side, in metres; they overlap evenly, by `overlap` at least."""
+    if not 0 <= overlap < tile:
+        size = f"{1000 * tile:.0f} mm"
+        raise ConfigError(
+            f"Tiles of {size} cannot overlap by {1000 * overlap:.0f} mm; give from 0 to less than {size}."
+        )
+    count = max(1, math.ceil((whole - overlap) / (tile - overlap) - 1e-9))
+    step = 0.0 if count == 1 else (whole - tile) / (count - 1)
+    return [(number * step, min(number * step + tile, whole)) for number in range(count)]
+
+
+def cut(spans: list[Span]) -> list[Span]:
+    """Returns the part of each tile that is shown: it ends in the middle of each overlap."""
+    seams = [(end + begin) / 2 for (_, end), (begin, _) in itertools.pairwise(spans)]
+    return list(itertools.pairwise([spans[0][0], *seams, spans[-1][1]]))
+
+
+@dataclass(frozen=True)
+class Tile:
+    """Part of a picture.
+
+    name: letter of its column and number of its row, from the top left: "A1"
+    x, y: begin and end on the whole canvas, in metres
+    shown_x, shown_y: of what is seen of it when all lie together
+    """
+
+    name: str
+    x: Span
+    y: Span
+    shown_x: Span
+    shown_y: Span
+
+    @property
+    def size(self) -> CanvasSize:
+        """Size of its canvas."""
+        return CanvasSize(self.x[1] - self.x[0], self.y[1] - self.y[0])
+
+    @property
+    def shown(self) -> "Tile":
+        """Its shown part alone."""
+        return replace(self, x=self.shown_x, y=self.shown_y)
+
+    def crop(self, whole: Tensor, canvas: CanvasSize) -> Tensor:
+        """Returns its part of a picture [3, H, W] of the whole canvas."""
+        left, right = (round(each * whole.shape[2] / canvas.width) for each in self.x)
+        bottom, top = (whole.shape[1] - round(each * whole.shape[1] / canvas.height) for each in self.y)
+        return whole[:, top:bottom, left:right]
+
+    def reaches(self, least: Tensor, most: Tensor) -> Tensor:
+        """Returns which boxes [n, 2] of metres have a part in it."""
+        begin, end = torch.tensor([self.x, self.y], dtype=torch.float64).unbind(1)
+        return ((least < end) & (most > begin)).all(1)
+
+    def holds(self, least: Tensor, most: Tensor) -> Tensor:
+        """Returns which boxes [n, 2] of metres lie in it."""
+        begin, end = torch.tensor([self.x, self.y], dtype=torch.float64).unbind(1)
+        return ((least >= begin - 1e-6) & (most <= end + 1e-6)).all(1)
+
+
+def tiles_of(canvas: CanvasSize, size: CanvasSize, overlap: float) -> list[Tile]:
+    """Returns the tiles of a canvas, row by row from the top left. Raises ConfigError."""
+    across, up = divide(canvas.width, size.width, overlap), divide(canvas.height, size.height, overlap)
+    if not len(across) * len(up) <= _MAX_TILES:
+        raise ConfigError(f"{len(across)} x {len(up)} tiles would be made; there are at most {_MAX_TILES}.")
+    return [
+        Tile(f"{chr(65 + column)}{row}", x, y, shown_x, shown_y)
+        for row, (y, shown_y) in enumerate(reversed([*zip(up, cut(up), strict=True)]), 1)
+        for column, (x, shown_x) in enumerate(zip(across, cut(across), strict=True))
+    ]
+
+
+def deal(plan: Plan, tiles: list[Tile], widths: Tensor, *, once: bool) -> tuple[list[list[int]], int]:
+    """Returns the indices of the strokes of each tile, and how many end at a cut because a neighbour cannot hold them.
+
+    A stroke is painted on each tile that shows paint of it and holds all of its path. once: on one of them, if
+    possible where its middle is shown, because the tiles are parts of one canvas.
+    widths: of the strokes [n] in metres
+    Raises PlanError if a stroke fits on no tile.
+    """
+    points, around = plan.strokes.extremes().double(), widths[:, None] / 2
+    least, most = points.amin(1), points.amax(1)
+    holds = torch.stack([tile.holds(least, most) for tile in tiles])
+    shows = torch.stack([tile.shown.reaches(least - around, most + around) for tile in tiles])
+    lost = ~holds.any(0)
+    if lost.any():
+        longest = math.ceil(1000 * float((most - least)[lost].max()))
+        raise PlanError(
+            f"{count_of(int(lost.sum()), 'stroke')} of the plan fit on no tile; they reach over up to {longest} mm. "
+            f"Give --overlap {longest}, larger tiles, or a plan with shorter strokes, by a finer brush."
+        )
+    ends = 0 if once else int((shows & ~holds).any(0).sum())
+    if once:
+        middle = torch.stack([tile.shown.holds((least + most) / 2, (least + most) / 2) for tile in tiles])
+        shows = torch.zeros_like(shows).scatter_(0, (holds.int() * (1 + middle.int())).argmax(0)[None], True)
+    return [row.nonzero().flatten().tolist() for row in shows & holds], ends
+
+
+def plan_of(plan: Plan, tile: Tile, which: list[int]) -> Plan:
+    """Returns the plan of a tile from the indices of its strokes."""
+    part = plan.part(which)
+    corner = part.strokes.position.new_tensor((tile.x[0], tile.y[0]))
+    strokes = part.strokes.with_groups(position=part.strokes.position - corner)
+    return replace(part, strokes=strokes, canvas=tile.size, about=(*plan.about, ("tile", tile.name)))
+
+
+def write_tiles(source: Path, size: CanvasSize, overlap: float, out: Path, *, once: bool) -> list[str]:
+    """Writes the folders of all tiles of a plan's folder, and a sheet of how they lie; returns lines for people.
+
+    Raises ConfigError, PlanError and StorageError; then nothing is written.
+    """
+    prepare_process()
+    folder, plan = source if source.is_dir() else source.parent, Plan.load(source)
+    spec = RunSpec.of(**{**upgrade_record(RunRecord.load(folder).settings), **read_goal(folder)})
+    tiles = tiles_of(plan.canvas, size, overlap)
+    dealt, ends = deal(plan, tiles, plan_widths(plan, load_models_of(plan)), once=once)
+    picture = render_plan(plan, min(10_000, round(_ROWS * plan.canvas.height / tiles[0].size.height)))
+    goal = PaintingRun(spec).target if [item.kind for item in spec.goal] == ["image"] else None
+    storage.new_folder(out)
+    told = []
+    for tile, which in zip(tiles, dealt, strict=True):
+        place = out / tile.name
+        images.save(tile.crop(picture, plan.canvas), place / "plan.png")
+        if not which:
+            told.append(f"{tile.name}: stays bare")
+            continue
+        images.save(tile.crop(picture if goal is None else goal, plan.canvas), place / "goal.png")
+        part = plan_of(plan, tile, which)
+        part.save(place / "plan.json")
+        own = _settings(spec, plan, part, f"{spec.heading[:70]}, {tile.name}")
+        kept = own.model_dump(mode="json", include=own.model_fields_set - {"goal"})
+        storage.write_json(place / "settings.json", kept)
+        words = ["--settings", str(place / "settings.json"), "--plan", str(place), "--out", str(place / PAINTING)]
+        command = shlex.join(["frida-painter", "paint", str(place / "goal.png"), *words])
+        told.append(f"{tile.name}: {count_of(len(which), 'stroke')}: {command}")
+    sizes = {"canvas_m": [plan.canvas.width, plan.canvas.height], "tile_m": [size.width, size.height]}
+    storage.write_json(out / LAYOUT, {**sizes, "overlap_m": overlap, "once": once})
+    images.save(_draw_layout(plan.canvas, picture, tiles, once=once), out / "tiles.png")
+    if ends:
+        told.append(f"{count_of(ends, 'stroke')} end at a cut, because the neighbour cannot hold them; overlap more.")
+    return [*told, f"How they lie: {out / 'tiles.png'}", f"All together: frida-painter render {shlex.quote(str(out))}"]
+
+
+def _settings(spec: RunSpec, plan: Plan, part: Plan, title: str) -> RunSpec:
+    """Returns the settings of a tile: those of the whole, for its canvas, strokes and paints."""
+    kept = spec.model_fields_set - {"goal", "initial", "minutes", "version", *SETTLED}
+    size = f"{1000 * part.canvas.width!r}x{1000 * part.canvas.height!r}mm"
+    own: dict[str, Any] = {name: getattr(spec, name) for name in kept}
+    own |= {"goal": [{"image": "goal.png"}], "title": title, "canvas": size, "fit": "crop", "ground": ground_of(plan)}
+    own |= {"strokes": len(part), "colors": min(spec.colors, len(part)), "replans": min(spec.replans, len(part) - 1)}
+    layers = spec.layers if len(plan.brushes) == 1 else None
+    return RunSpec.of(**own, brushes=",".join(plan.brushes), layers=layers, paints=spec.paints)
+
+
+def _draw_layout(canvas: CanvasSize, picture: Tensor, tiles: list[Tile], *, once: bool) -> Tensor:
+    """Returns the plan's picture with its tiles and, on sheets, the cuts between them: [3, H, W] in [0, 1]."""
+    pixels = _WIDE / canvas.width
+    high = round(pixels * canvas.height)
+    sheet = Sheet(_WIDE + 2 * _MARGIN, high + _HEAD + _MARGIN)
+    sheet.paste(scale(picture, _WIDE, high), (_MARGIN, _HEAD))
+    sheet.text((_MARGIN, 24), f"{canvas} on {count_of(len(tiles), 'tile')}", 36)
+    sheet.lines((_MARGIN, 76), _ON_ONE_CANVAS if once else _ON_SHEETS, 20, 28)
+    for tile in tiles:
+        x, y = (
+            [at + way * each for each in span]
+            for at, way, span in (
+                (_MARGIN, pixels, tile.x + tile.shown_x),
+                (_HEAD + high, -pixels, tile.y + tile.shown_y),
+            )
+        )
+        sheet.draw.rectangle((x[0], y[1], x[1], y[0]), outline=INK, width=2)
+        if not once:
+            sheet.draw.rectangle((x[2], y[3], x[3], y[2]), outline=WARNING, width=3)
+        measured = ((tile.x, 0.0), (tile.y, 0.0)) if once else ((tile.shown_x, tile.x[0]), (tile.shown_y, tile.y[0]))
+        spans = (" to ".join(f"{1000 * (end - zero):.0f}" for end in span) for span, zero in measured)
+        across, down = (x[2] + x[3]) / 2, (y[2] + y[3]) / 2
+        sheet.draw.rectangle((across - 84, down - 44, across + 84, down + 44), fill=PAPER)
+        for text, size, below in zip((tile.name, *spans), (34, 18, 18), (-22, 8, 30), strict=True):
+            sheet.text((across, down + below), text, size, INK, "mm")
+    return sheet.tensor()
+
+
+def join_tiles(folder: Path, rows: int) -> tuple[Tensor, list[str]]:
+    """Returns the joined picture [3, rows, W] of a folder of tiles, and the names of those that are painted.
+
+    Others are shown as planned. Raises StorageError if the layout is damaged, ImageError.
+    """
+    path, what, painted = folder / LAYOUT, "the layout of tiles", []
+    record = storage.read_json(path, what)
+    with storage.understanding(path, what):
+        canvas, once = CanvasSize(*record["canvas_m"]), record["once"] is True
+        tiles = tiles_of(canvas, CanvasSize(*record["tile_m"]), record["overlap_m"])
+    grid = PixelGrid.of_height(canvas, rows)
+    joined = torch.ones(3, grid.rows, grid.columns)
+    for tile in tiles:
+        done, alone = folder / tile.name / PAINTING / "painting.png", torch.zeros_like(joined)
+        is_done = done.exists()
+        painted += [tile.name] if is_done else []
+        place = tile.crop(alone, canvas)
+        seen = images.load(done if is_done else folder / tile.name / "plan.png")
+        place.copy_(images.fit(seen, *place.shape[1:]))
+        kept = tile if once else tile.shown  # of one canvas, the last photograph shows all
+        kept.crop(joined, canvas).copy_(kept.crop(alone, canvas))
+    return joined, painted
