@@ -50,14 +50,16 @@ Span = tuple[float, float]
 
 def divide(whole: float, tile: float, overlap: float) -> list[Span]:
     """Returns begin and end of the fewest tiles along a side, in metres; they overlap evenly, by `overlap` at least."""
+    if whole <= tile + 1e-6:
+        return [(0.0, whole)]
     if not 0 <= overlap < tile:
         size = f"{1000 * tile:.0f} mm"
         raise ConfigError(
             f"Tiles of {size} cannot overlap by {1000 * overlap:.0f} mm; give from 0 to less than {size}."
         )
-    count = max(1, math.ceil((whole - overlap) / (tile - overlap) - 1e-9))
-    step = 0.0 if count == 1 else (whole - tile) / (count - 1)
-    return [(number * step, min(number * step + tile, whole)) for number in range(count)]
+    count = math.ceil((whole - overlap) / (tile - overlap) - 1e-9)
+    starts = [number * (whole - tile) / (count - 1) for number in range(count)]
+    return [(start, start + tile) for start in starts]
 
 
 def cut(spans: list[Span]) -> list[Span]:
@@ -187,7 +189,9 @@ def write_tiles(source: Path, size: CanvasSize, overlap: float, out: Path, *, on
     storage.write_json(out / LAYOUT, {**sizes, "overlap_m": overlap, "once": once})
     images.save(_draw_layout(plan.canvas, picture, tiles, once=once), out / "tiles.png")
     if ends:
-        told.append(f"{count_of(ends, 'stroke')} end at a cut, because the neighbour cannot hold them; overlap more.")
+        told.append(
+            f"Cut off, because a neighbour cannot hold them: {count_of(ends, 'stroke')}; overlap more for fewer."
+        )
     return [*told, f"How they lie: {out / 'tiles.png'}", f"All together: frida-painter render {shlex.quote(str(out))}"]
 
 
@@ -210,22 +214,19 @@ def _draw_layout(canvas: CanvasSize, picture: Tensor, tiles: list[Tile], *, once
     sheet.paste(scale(picture, _WIDE, high), (_MARGIN, _HEAD))
     sheet.text((_MARGIN, 24), f"{canvas} on {count_of(len(tiles), 'tile')}", 36)
     sheet.lines((_MARGIN, 76), _ON_ONE_CANVAS if once else _ON_SHEETS, 20, 28)
+    labels: list[tuple[float, float, tuple[str, ...]]] = []
     for tile in tiles:
-        x, y = (
-            [at + way * each for each in span]
-            for at, way, span in (
-                (_MARGIN, pixels, tile.x + tile.shown_x),
-                (_HEAD + high, -pixels, tile.y + tile.shown_y),
-            )
-        )
+        x = [_MARGIN + pixels * each for each in tile.x + tile.shown_x]
+        y = [_HEAD + high - pixels * each for each in tile.y + tile.shown_y]
         sheet.draw.rectangle((x[0], y[1], x[1], y[0]), outline=INK, width=2)
         if not once:
             sheet.draw.rectangle((x[2], y[3], x[3], y[2]), outline=WARNING, width=3)
         measured = ((tile.x, 0.0), (tile.y, 0.0)) if once else ((tile.shown_x, tile.x[0]), (tile.shown_y, tile.y[0]))
         spans = (" to ".join(f"{1000 * (end - zero):.0f}" for end in span) for span, zero in measured)
-        across, down = (x[2] + x[3]) / 2, (y[2] + y[3]) / 2
-        sheet.draw.rectangle((across - 84, down - 44, across + 84, down + 44), fill=PAPER)
-        for text, size, below in zip((tile.name, *spans), (34, 18, 18), (-22, 8, 30), strict=True):
+        labels.append(((x[2] + x[3]) / 2, (y[2] + y[3]) / 2, (tile.name, *spans)))
+    for across, down, texts in labels:
+        sheet.draw.rectangle((across - 54, down - 42, across + 54, down + 42), fill=PAPER)
+        for text, size, below in zip(texts, (30, 17, 17), (-22, 8, 29), strict=True):
             sheet.text((across, down + below), text, size, INK, "mm")
     return sheet.tensor()
 
