@@ -23,7 +23,7 @@ from frida_painter.report.vector import plan_widths
 from frida_painter.runs.painting_folder import RunRecord, read_goal
 from frida_painter.runs.run import PaintingRun
 from frida_painter.runs.settle import ground_of
-from frida_painter.runs.spec import SETTLED, RunSpec, upgrade_record
+from frida_painter.runs.spec import SETTLED, GoalSettings, RunSpec, upgrade_record
 from frida_painter.strokes.plan import Plan
 from frida_painter.system import images, storage
 from frida_painter.system.devices import prepare_process
@@ -74,7 +74,7 @@ class Tile:
 
     name: letter of its column and number of its row, from the top left: "A1"
     x, y: begin and end on the whole canvas, in metres
-    shown_x, shown_y: of what is seen of it when all lie together
+    shown_x, shown_y: begin and end of its visible part, beside its neighbours
     """
 
     name: str
@@ -90,7 +90,7 @@ class Tile:
 
     @property
     def shown(self) -> "Tile":
-        """Its shown part alone."""
+        """The visible part alone."""
         return replace(self, x=self.shown_x, y=self.shown_y)
 
     def crop(self, whole: Tensor, canvas: CanvasSize) -> Tensor:
@@ -99,15 +99,10 @@ class Tile:
         bottom, top = (whole.shape[1] - round(each * whole.shape[1] / canvas.height) for each in self.y)
         return whole[:, top:bottom, left:right]
 
-    def reaches(self, least: Tensor, most: Tensor) -> Tensor:
-        """Returns which boxes [n, 2] of metres have a part in it."""
+    def ends(self) -> tuple[Tensor, Tensor]:
+        """Returns its lower left and upper right corner, [2] in metres."""
         begin, end = torch.tensor([self.x, self.y], dtype=torch.float64).unbind(1)
-        return ((least < end) & (most > begin)).all(1)
-
-    def holds(self, least: Tensor, most: Tensor) -> Tensor:
-        """Returns which boxes [n, 2] of metres lie in it."""
-        begin, end = torch.tensor([self.x, self.y], dtype=torch.float64).unbind(1)
-        return ((least >= begin - 1e-6) & (most <= end + 1e-6)).all(1)
+        return begin, end
 
 
 def tiles_of(canvas: CanvasSize, size: CanvasSize, overlap: float) -> list[Tile]:
@@ -132,19 +127,18 @@ def deal(plan: Plan, tiles: list[Tile], widths: Tensor, *, once: bool) -> tuple[
     """
     points, around = plan.strokes.extremes().double(), widths[:, None] / 2
     least, most = points.amin(1), points.amax(1)
-    holds = torch.stack([tile.holds(least, most) for tile in tiles])
-    shows = torch.stack([tile.shown.reaches(least - around, most + around) for tile in tiles])
+    whole, shown = [tile.ends() for tile in tiles], [tile.shown.ends() for tile in tiles]
+    holds = torch.stack([((least >= low - 1e-6) & (most <= high + 1e-6)).all(1) for low, high in whole])
+    shows = torch.stack([((least - around < high) & (most + around > low)).all(1) for low, high in shown])
     lost = ~holds.any(0)
     if lost.any():
-        longest = math.ceil(1000 * float((most - least)[lost].max()))
-        raise PlanError(
-            f"{count_of(int(lost.sum()), 'stroke')} of the plan fit on no tile; they reach over up to {longest} mm. "
-            f"Give --overlap {longest}, larger tiles, or a plan with shorter strokes, by a finer brush."
-        )
+        longest, count = math.ceil(1000 * float((most - least)[lost].max())), count_of(int(lost.sum()), "stroke")
+        raise PlanError(f"No tile can hold {count}, of up to {longest} mm; give --overlap {longest}, or larger tiles.")
     ends = 0 if once else int((shows & ~holds).any(0).sum())
     if once:
-        middle = torch.stack([tile.shown.holds((least + most) / 2, (least + most) / 2) for tile in tiles])
-        shows = torch.zeros_like(shows).scatter_(0, (holds.int() * (1 + middle.int())).argmax(0)[None], True)
+        middle = (least + most) / 2
+        inside = torch.stack([((middle >= low) & (middle <= high)).all(1) for low, high in shown])
+        shows = torch.zeros_like(shows).scatter_(0, (holds.int() * (1 + inside.int())).argmax(0)[None], True)
     return [row.nonzero().flatten().tolist() for row in shows & holds], ends
 
 
@@ -189,15 +183,20 @@ def write_tiles(source: Path, size: CanvasSize, overlap: float, out: Path, *, on
     storage.write_json(out / LAYOUT, {**sizes, "overlap_m": overlap, "once": once})
     images.save(_draw_layout(plan.canvas, picture, tiles, once=once), out / "tiles.png")
     if ends:
-        told.append(
-            f"Cut off, because a neighbour cannot hold them: {count_of(ends, 'stroke')}; overlap more for fewer."
-        )
+        told.append(f"Cut off, as a neighbour cannot hold them: {count_of(ends, 'stroke')}; overlap more for fewer.")
     return [*told, f"How they lie: {out / 'tiles.png'}", f"All together: frida-painter render {shlex.quote(str(out))}"]
 
 
 def _settings(spec: RunSpec, plan: Plan, part: Plan, title: str) -> RunSpec:
     """Returns the settings of a tile: those of the whole, for its canvas, strokes and paints."""
-    kept = spec.model_fields_set - {"goal", "initial", "minutes", "version", *SETTLED}
+    kept = spec.model_fields_set - {
+        *GoalSettings.model_fields,
+        "minutes",
+        "version",
+        "on_canvas",
+        "studio_canvas",
+        *SETTLED,
+    }
     size = f"{1000 * part.canvas.width!r}x{1000 * part.canvas.height!r}mm"
     own: dict[str, Any] = {name: getattr(spec, name) for name in kept}
     own |= {"goal": [{"image": "goal.png"}], "title": title, "canvas": size, "fit": "crop", "ground": ground_of(plan)}
