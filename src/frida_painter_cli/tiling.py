@@ -32,19 +32,14 @@ from frida_painter.system.storage import count_of
 
 LAYOUT = "tiles.json"
 """File of a folder of tiles that says how they lie."""
-PAINTING = "painting"
-"""Folder of a tile's painting, in the folder of the tile."""
+_PAINTING = "painting"  # folder of a tile's painting, in the folder of the tile
 _ROWS = 720  # of a tile's picture
 _MAX_TILES = 64
 _WIDE, _MARGIN, _HEAD = 1000, 60, 150  # pixels of the sheet
-_ON_SHEETS = (
-    "Paint each sheet, let it dry, cut it along the red lines, and lay all edge to edge.",
-    "Numbers: mm from the sheet's left and lower edge to its cuts.",
-)
-_ON_ONE_CANVAS = (
-    "Mark the corners of all tiles on the canvas; lay one after another where the easel's canvas lies, by its markers",
-    "or corners. Numbers: mm from the canvas's left and lower edge.",
-)
+_ON_SHEETS = """Paint each sheet, let it dry, cut it along the red lines, and lay all edge to edge.
+Numbers: mm from the sheet's left and lower edge to its cuts."""
+_ON_ONE_CANVAS = """Mark the corners of all tiles on the canvas; lay one after another where the easel's canvas lies, by
+its markers or corners. Numbers: mm from the canvas's left and lower edge."""
 Span = tuple[float, float]
 
 
@@ -83,12 +78,6 @@ class Tile:
     shown_x: Span
     shown_y: Span
 
-    @property
-    def size(self) -> CanvasSize:
-        """Size of its canvas."""
-        return CanvasSize(self.x[1] - self.x[0], self.y[1] - self.y[0])
-
-    @property
     def shown(self) -> "Tile":
         """The visible part alone."""
         return replace(self, x=self.shown_x, y=self.shown_y)
@@ -127,7 +116,7 @@ def deal(plan: Plan, tiles: list[Tile], widths: Tensor, *, once: bool) -> tuple[
     """
     points, around = plan.strokes.extremes().double(), widths[:, None] / 2
     least, most = points.amin(1), points.amax(1)
-    whole, shown = [tile.ends() for tile in tiles], [tile.shown.ends() for tile in tiles]
+    whole, shown = [tile.ends() for tile in tiles], [tile.shown().ends() for tile in tiles]
     holds = torch.stack([((least >= low - 1e-6) & (most <= high + 1e-6)).all(1) for low, high in whole])
     shows = torch.stack([((least - around < high) & (most + around > low)).all(1) for low, high in shown])
     lost = ~holds.any(0)
@@ -147,7 +136,8 @@ def plan_of(plan: Plan, tile: Tile, which: list[int]) -> Plan:
     part = plan.part(which)
     corner = part.strokes.position.new_tensor((tile.x[0], tile.y[0]))
     strokes = part.strokes.with_groups(position=part.strokes.position - corner)
-    return replace(part, strokes=strokes, canvas=tile.size, about=(*plan.about, ("tile", tile.name)))
+    size = CanvasSize(*((tile.ends()[1] - tile.ends()[0]).tolist()))
+    return replace(part, strokes=strokes, canvas=size, about=(*plan.about, ("tile", tile.name)))
 
 
 def write_tiles(source: Path, size: CanvasSize, overlap: float, out: Path, *, once: bool) -> list[str]:
@@ -160,7 +150,7 @@ def write_tiles(source: Path, size: CanvasSize, overlap: float, out: Path, *, on
     spec = RunSpec.of(**{**upgrade_record(RunRecord.load(folder).settings), **read_goal(folder)})
     tiles = tiles_of(plan.canvas, size, overlap)
     dealt, ends = deal(plan, tiles, plan_widths(plan, load_models_of(plan)), once=once)
-    picture = render_plan(plan, min(10_000, round(_ROWS * plan.canvas.height / tiles[0].size.height)))
+    picture = render_plan(plan, min(10_000, round(_ROWS * plan.canvas.height / min(size.height, plan.canvas.height))))
     goal = PaintingRun(spec).target if [item.kind for item in spec.goal] == ["image"] else None
     storage.new_folder(out)
     told = []
@@ -174,16 +164,18 @@ def write_tiles(source: Path, size: CanvasSize, overlap: float, out: Path, *, on
         part = plan_of(plan, tile, which)
         part.save(place / "plan.json")
         own = _settings(spec, plan, part, f"{spec.heading[:70]}, {tile.name}")
-        kept = own.model_dump(mode="json", include=own.model_fields_set - {"goal"})
-        storage.write_json(place / "settings.json", kept)
-        words = ["--settings", str(place / "settings.json"), "--plan", str(place), "--out", str(place / PAINTING)]
+        storage.write_json(
+            place / "settings.json", own.model_dump(mode="json", include=own.model_fields_set - {"goal"})
+        )
+        words = ["--settings", str(place / "settings.json"), "--plan", str(place), "--out", str(place / _PAINTING)]
         command = shlex.join(["frida-painter", "paint", str(place / "goal.png"), *words])
         told.append(f"{tile.name}: {count_of(len(which), 'stroke')}: {command}")
     sizes = {"canvas_m": [plan.canvas.width, plan.canvas.height], "tile_m": [size.width, size.height]}
     storage.write_json(out / LAYOUT, {**sizes, "overlap_m": overlap, "once": once})
     images.save(_draw_layout(plan.canvas, picture, tiles, once=once), out / "tiles.png")
-    if ends:
-        told.append(f"Cut off, as a neighbour cannot hold them: {count_of(ends, 'stroke')}; overlap more for fewer.")
+    told += [f"Cut off, as a neighbour cannot hold them: {count_of(ends, 'stroke')}; overlap more for fewer."] * bool(
+        ends
+    )
     return [*told, f"How they lie: {out / 'tiles.png'}", f"All together: frida-painter render {shlex.quote(str(out))}"]
 
 
@@ -212,7 +204,7 @@ def _draw_layout(canvas: CanvasSize, picture: Tensor, tiles: list[Tile], *, once
     sheet = Sheet(_WIDE + 2 * _MARGIN, high + _HEAD + _MARGIN)
     sheet.paste(scale(picture, _WIDE, high), (_MARGIN, _HEAD))
     sheet.text((_MARGIN, 24), f"{canvas} on {count_of(len(tiles), 'tile')}", 36)
-    sheet.lines((_MARGIN, 76), _ON_ONE_CANVAS if once else _ON_SHEETS, 20, 28)
+    sheet.lines((_MARGIN, 76), (_ON_ONE_CANVAS if once else _ON_SHEETS).split("\n"), 20, 28)
     labels: list[tuple[float, float, tuple[str, ...]]] = []
     for tile in tiles:
         x = [_MARGIN + pixels * each for each in tile.x + tile.shown_x]
@@ -243,12 +235,10 @@ def join_tiles(folder: Path, rows: int) -> tuple[Tensor, list[str]]:
     grid = PixelGrid.of_height(canvas, rows)
     joined = torch.ones(3, grid.rows, grid.columns)
     for tile in tiles:
-        done, alone = folder / tile.name / PAINTING / "painting.png", torch.zeros_like(joined)
-        is_done = done.exists()
-        painted += [tile.name] if is_done else []
-        place = tile.crop(alone, canvas)
-        seen = images.load(done if is_done else folder / tile.name / "plan.png")
+        done, alone = folder / tile.name / _PAINTING / "painting.png", torch.zeros_like(joined)
+        painted += [tile.name] if done.exists() else []
+        place, seen = tile.crop(alone, canvas), images.load(done if done.exists() else folder / tile.name / "plan.png")
         place.copy_(images.fit(seen, *place.shape[1:]))
-        kept = tile if once else tile.shown  # of one canvas, the last photograph shows all
+        kept = tile if once else tile.shown()  # of one canvas, the last photograph shows all
         kept.crop(joined, canvas).copy_(kept.crop(alone, canvas))
     return joined, painted
