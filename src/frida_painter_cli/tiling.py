@@ -34,7 +34,7 @@ LAYOUT = "tiles.json"
 """File of a folder of tiles that says how they lie."""
 _PAINTING = "painting"  # folder of a tile's painting, in the folder of the tile
 _ROWS = 720  # of a tile's picture
-_MAX_TILES = 64
+_MAX_ALONG = 9  # tiles along a side
 _WIDE, _MARGIN, _HEAD = 1000, 60, 150  # pixels of the sheet
 _ON_SHEETS = """Paint each sheet, let it dry, cut it along the red lines, and lay all edge to edge.
 Numbers: mm from the sheet's left and lower edge to its cuts."""
@@ -97,8 +97,8 @@ class Tile:
 def tiles_of(canvas: CanvasSize, size: CanvasSize, overlap: float) -> list[Tile]:
     """Returns the tiles of a canvas, row by row from the top left. Raises ConfigError."""
     across, up = divide(canvas.width, size.width, overlap), divide(canvas.height, size.height, overlap)
-    if not len(across) * len(up) <= _MAX_TILES:
-        raise ConfigError(f"{len(across)} x {len(up)} tiles would be made; there are at most {_MAX_TILES}.")
+    if not max(len(across), len(up)) <= _MAX_ALONG:
+        raise ConfigError(f"{len(across)} x {len(up)} tiles would be made; at most {_MAX_ALONG} lie along a side.")
     return [
         Tile(f"{chr(65 + column)}{row}", x, y, shown_x, shown_y)
         for row, (y, shown_y) in enumerate(reversed([*zip(up, cut(up), strict=True)]), 1)

@@ -57,7 +57,7 @@ def some_plan(count: int, seed: int, canvas: CanvasSize) -> Plan:
     return Plan.of(strokes, palette, paint, brush="fine", limits=LIMITS, canvas=canvas)
 
 
-@given(st.integers(1, 40), st.integers(0, 2**31), st.integers(100, 250), st.integers(0, 90), st.booleans())
+@given(st.integers(1, 40), st.integers(0, 2**31), st.integers(100, 250), st.integers(0, 60), st.booleans())
 def test_each_stroke_is_on_the_tiles_that_show_and_hold_it(
     count: int, seed: int, wide: int, overlap: int, once: bool
 ) -> None:
