@@ -314,15 +314,11 @@ def _wanted(extra: str, system: Mapping[str, str]) -> "list[Requirement]":
     """Returns the requirements of an extra alone, here or on another system of SYSTEMS; none without metadata."""
     from packaging.requirements import Requirement
 
-    try:
-        declared = [Requirement(line) for line in requires(OURS) or ()]
-    except PackageNotFoundError:
-        return []
-
-    def is_for(one: "Requirement", extra: str) -> bool:
-        return one.marker is None or one.marker.evaluate({**system, "extra": extra})
-
-    return [one for one in declared if is_for(one, extra) and not is_for(one, "")]
+    with suppress(PackageNotFoundError):
+        found = [(one, one.marker) for one in map(Requirement, requires(OURS) or ()) if one.marker is not None]
+        met = [[marker.evaluate({**system, "extra": name}) for _, marker in found] for name in (extra, "")]
+        return [one for (one, _), here, always in zip(found, *met, strict=True) if here and not always]
+    return []
 
 
 # Cache of network weights: <cache>/<name>/, with a record that is written last.

@@ -383,10 +383,9 @@ class Studio:
         if isinstance(request, MakingRequest):
             more = request.model_dump(exclude={"words", "maker"})
             return self.makers.order(request.words, request.maker, **more)
-        if isinstance(request, TeachingRequest):
-            name = request.name
-            if name in self._families or name != storage.file_name(name):  # paintings with it may go on
-                raise ConfigError(f"A stroke family {name!r} is there already or can be no file; give another name.")
+        name = request.name if isinstance(request, TeachingRequest) else "new"
+        if name in self._families or name != storage.file_name(name):  # paintings with it may go on
+            raise ConfigError(f"A stroke family {name!r} is there already or can be no file; give another name.")
         return request
 
     def stop_imagining(self, by: Session) -> None:

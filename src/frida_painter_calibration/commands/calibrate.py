@@ -212,10 +212,7 @@ def arm(
 
 
 def _confirm() -> bool:
-    """Returns True if the person at the terminal confirms.
-
-    Raises RobotStopped if nobody sits at a terminal, Interrupted if the person leaves.
-    """
+    """Returns True if the person at the terminal confirms. Raises RobotStopped if nobody is there, Interrupted."""
     if not sys.stdin.isatty():
         raise RobotStopped(
             "A robot is armed by somebody who looks at it: run `frida-painter arm` in a terminal beside it, or, from a "
