@@ -313,9 +313,6 @@ def _tell(found: Rehearsal, strokes: int) -> None:
 
 def _tell_time(table: Timetable) -> None:
     parts = {"strokes": table.strokes, "dips": table.dips, "washing": table.washing, "travel": table.travel}
-    if table.changes:
-        parts["changing brushes"] = table.changes
-    if table.drying:
-        parts["drying"] = table.drying
+    parts |= {name: time for name, time in (("changing brushes", table.changes), ("drying", table.drying)) if time}
     spent = ", ".join(f"{name} {duration(seconds)}" for name, seconds in parts.items())
     print(f"The robot takes {duration(table.total)} without looks and planning: {spent}.")

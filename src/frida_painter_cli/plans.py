@@ -135,8 +135,8 @@ def _show(paints: tuple["BrushPaints", ...]) -> None:
 
 
 @dataclass(frozen=True)
-class SvgOptions:
-    """Options of an export as SVG."""
+class FormatOptions:
+    """Options of an export as SVG or G-code."""
 
     regroup: Annotated[
         bool,
@@ -148,12 +148,6 @@ class SvgOptions:
     dips: Annotated[bool, typer.Option(help="svg: add a layer with a pause for every dip of the brush (AxiDraw).")] = (
         False
     )
-
-
-@dataclass(frozen=True)
-class DipOptions:
-    """Options of an export that says where the brush is dipped."""
-
     refill: Annotated[
         float | None,
         taking(
@@ -163,20 +157,8 @@ class DipOptions:
             parser=number_within(5, 10_000),
         ),
     ] = None
-
-
-@dataclass(frozen=True)
-class LetteringOptions:
-    """Options of an export with text of a pen."""
-
     title: Annotated[str, taking("TEXT", "svg, gcode: a title for a pen, in the lower left corner.")] = ""
     signature: Annotated[str, taking("TEXT", "svg, gcode: a signature for a pen, in the lower right corner.")] = ""
-
-
-@dataclass(frozen=True)
-class GcodeOptions:
-    """Options of an export as G-code."""
-
     flavour: Annotated[
         str | None, taking("NAME", "gcode: the dialect, grbl or marlin. [dim]grbl[/]", show_default=False)
     ] = None
@@ -225,10 +207,7 @@ def export(
             help="One file per paint of each layer, numbered in the order of work. Changes which strokes lie on top.",
         ),
     ] = False,
-    svg: SvgOptions,
-    dip: DipOptions,
-    lettering: LetteringOptions,
-    gcode: GcodeOptions,
+    more: FormatOptions,
 ) -> None:
     """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
 
@@ -245,7 +224,7 @@ def export(
     path = out or Path(f"strokes.{kind.name}")
     if path.suffix.lower() != f".{kind.name}":
         raise ConfigError(f"--out was given {str(path)!r}; with --to {kind.name} the file ends in .{kind.name}.")
-    options = ExportOptions(**vars(svg), **vars(dip), **vars(lettering), **vars(gcode), source=plan)
+    options = ExportOptions(**vars(more), source=plan)
     loaded = Plan.load(plan)
     parts = loaded.by_paint() if per_paint else [loaded]
     for number, part in enumerate(parts, start=1):
