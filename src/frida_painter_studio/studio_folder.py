@@ -15,7 +15,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, Field, StringConstraints, create_model, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field, StringConstraints, create_model, model_validator
 
 from frida_painter import registry
 from frida_painter.canvas_size import CanvasSize
@@ -31,7 +31,7 @@ from frida_painter.system.operating_system import write_at
 from frida_painter_studio.at_page import FEED_FILE, Feed
 from frida_painter_studio.form import CONTROLS, SETTINGS, USUAL_VALUES
 from frida_painter_studio.web_app_easel import WebAppEasel
-from frida_painter_together.commands import GoalRequest, goal_items, pictures_of
+from frida_painter_together.commands import GoalRequest, goal_items, pictures_of, tidy
 from frida_painter_together.inbox import KeptRequest
 
 # Request for a painting from the page: goals with weights and settings, checked before planning.
@@ -78,7 +78,7 @@ class PaintingRequest(_Settings):  # type: ignore[misc]  # made from `RunSpec`
 
     _name, _key, _file = "what a person asked for", "wish", "wish.json"
 
-    title: Annotated[str, StringConstraints(strip_whitespace=True, max_length=80)] = ""
+    title: Annotated[str, BeforeValidator(tidy), StringConstraints(max_length=80)] = ""
     variant: Annotated[str, StringConstraints(max_length=60)] = ""
     terms: tuple[GoalRequest, ...] = Field((), max_length=8)
     initial: tuple[GoalRequest, ...] = Field((), max_length=2)
@@ -99,8 +99,6 @@ class PaintingRequest(_Settings):  # type: ignore[misc]  # made from `RunSpec`
             _require_brush(name)
         if self.variant not in ("", *VARIANTS):
             raise ValueError(f"There is no variant {self.variant!r} of a plan; choose {', '.join(VARIANTS)} or none.")
-        if not self.title.isprintable():
-            raise ValueError("The title holds characters that cannot be printed; type it anew.")
         if not 1 / 4 <= self.width / self.height <= 4:
             raise ValueError("The canvas is too narrow: its longer side is at most four times the shorter one.")
         return self

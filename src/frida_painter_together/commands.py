@@ -4,6 +4,7 @@ A command has one form: the page sends it as JSON, pydantic checks it at the doo
 performs it, and the journal keeps it. It names a picture by its id: the file lies in `given` of the painting's folder.
 """
 
+import unicodedata
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -38,13 +39,27 @@ class Role(IntEnum):
 # Parts of commands: pictures, words and goals.
 
 Identifier = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{32}$")]
-Words = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300)]
+_JOINERS = "\N{ZERO WIDTH JOINER}\N{ZERO WIDTH NON-JOINER}"  # parts of emoji, and of words in Persian and Hindi
+
+
+def tidy(words: Any) -> Any:
+    """Returns a text as one line of composed signs (NFC) between single spaces, without signs that nobody sees."""
+    if not isinstance(words, str):
+        return words
+
+    def seen(mark: str) -> str:
+        if mark.isprintable() or mark in _JOINERS:
+            return mark
+        return "" if unicodedata.category(mark) in ("Cf", "Cs") else " "
+
+    return " ".join("".join(map(seen, unicodedata.normalize("NFC", words))).split())
+
+
+Words = Annotated[str, BeforeValidator(tidy), StringConstraints(min_length=1, max_length=300)]
 
 
 def _require_plain(words: str) -> str:
     """Refuses what a program could take for an option or for a file, because a visitor may type anything."""
-    if not words.isprintable():
-        raise ValueError("The words hold characters that cannot be printed; type them anew.")
     if not words[0].isalnum():
         raise ValueError(f"The words begin with {words[0]!r}; begin them with a letter or a digit.")
     return words
@@ -86,8 +101,6 @@ class GoalRequest(BaseModel):
             raise ValueError("A goal is either words or a picture; say which words, or choose a picture.")
         if self.words is not None and self.crop is not None:
             raise ValueError("Words cannot be cropped; take the crop away.")
-        if self.words is not None and not self.words.isprintable():
-            raise ValueError("The words hold characters that cannot be printed; type them anew.")
         return self
 
     @property

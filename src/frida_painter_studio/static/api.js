@@ -41,11 +41,32 @@ export function leave() {
   if (key()) fetch("/api/lead/back", { method: "POST", keepalive: true, headers: orderSigns() }).catch(() => {});
 }
 
+const SHARP = 2048; // pixels of the longer side that the studio keeps
+const MANY = 12e6; // pixels, and bytes: a larger picture is made smaller here, however large it is
+
 /** Gives a picture (File or Blob) to the studio; returns its id. */
 export async function upload(blob) {
-  if (blob.size > 32 * 2 ** 20) throw new Error("This file is larger than 32 MB; make the picture smaller first.");
   const headers = { "Content-Type": "application/octet-stream", ...orderSigns() };
-  return (await answer(fetch("/api/pictures", { method: "POST", headers, body: blob }))).id;
+  return (await answer(fetch("/api/pictures", { method: "POST", headers, body: await smaller(blob) }))).id;
+}
+
+/** The picture, made smaller if it is large and this browser can read it. @param {Blob} blob */
+async function smaller(blob) {
+  const image = new Image();
+  image.src = URL.createObjectURL(blob);
+  await new Promise((resolve) => { image.onload = image.onerror = resolve; });
+  const [width, height] = [image.naturalWidth, image.naturalHeight];
+  const less = SHARP / Math.max(width, height);
+  let sent = blob;
+  if (less < 1 && (width * height > MANY || blob.size > MANY)) {
+    const canvas = Object.assign(document.createElement("canvas"), { width: Math.max(1, Math.round(less * width)), height: Math.max(1, Math.round(less * height)) });
+    const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+    pen.imageSmoothingQuality = "high";
+    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
+    sent = await new Promise((resolve) => { canvas.toBlob((made) => resolve(made ?? blob), "image/png"); });
+  }
+  URL.revokeObjectURL(image.src);
+  return sent;
 }
 
 export const picture = (id) => `/api/pictures/${id}`;
