@@ -129,6 +129,25 @@ def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds_and_stop
     expect(page.locator(".stop-alarm")).to_be_hidden()
 
 
+def test_a_stop_is_acknowledged_at_once_and_all_other_buttons_rest_until_everything_stands(
+    context: BrowserContext, studio: Served
+) -> None:
+    working = Work(PaintingStore(studio.folder))
+    page = enter(context, studio)
+    page.route("**/stop", lambda route: route.fulfill(json={"stopped": 1, "heard": 1}))
+    seen = page.evaluate("""() => {
+      document.getElementById("stop").click();
+      return [document.getElementById("notice").textContent, document.getElementById("view").inert];
+    }""")
+    assert seen[0].startswith("Stopping everything.") and seen[1]
+    expect(page.get_by_text("The stop was heard.")).to_be_visible(timeout=WAIT)
+    page.screenshot(path=SCREENSHOTS / "stop-heard.png")
+    assert page.evaluate("document.getElementById('view').inert")
+    working.lock.release()
+    expect(page.get_by_text("Everything has stopped.")).to_be_visible(timeout=WAIT)
+    page.wait_for_function("!document.getElementById('view').inert", timeout=WAIT)
+
+
 @pytest.mark.parametrize("dangerous", [False, True])
 def test_an_alarm_that_nobody_confirmed_ends_with_the_work_or_by_a_person_if_a_machine_may_have_moved(
     context: BrowserContext, studio: Served, dangerous: bool

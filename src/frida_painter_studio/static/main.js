@@ -124,15 +124,20 @@ async function route() {
 const dangerous = () => house.dangerous !== false || location.hash.startsWith("#/setup") || work.latest.working.includes("setup");
 
 let moved = true; // whether a robot may have moved since Stop was pressed
+/** Whether nothing moves, as far as the studio knows. */
+async function stands() {
+  const now = await api.get("/api/work").catch(() => null);
+  if (!document.body.dataset.role || !now) return false;
+  moved ||= now.moves;
+  return !now.moves;
+}
+
 armStop(stopButton, notice, {
-  pressed() { moved = work.latest.moves; },
+  pressed() { moved = work.latest.moves; view.inert = true; }, // all other buttons rest until it stands
+  ended() { view.inert = false; },
+  stands,
   dangerous,
-  async harmless() {
-    const now = await api.get("/api/work").catch(() => null);
-    if (!document.body.dataset.role || !now) return false;
-    moved ||= now.moves;
-    return !now.moves && !(dangerous() && moved); // of a machine a person has to say that it stands still
-  },
+  harmless: async () => (await stands()) && !(dangerous() && moved), // of a machine a person has to say that it stands still
 });
 
 document.querySelector(".bar nav")?.append(shortcuts());

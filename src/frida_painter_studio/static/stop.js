@@ -7,6 +7,7 @@ const WAY = "studio-stop"; // where it is put down: it outlives the studio's ses
 const UNTIL_DOUBT = 1500; // ms
 const GIVE_UP = 30000;
 const AGAIN = 1000;
+const GLANCE = 300; // ms between two questions whether all stand still
 const LOST = "The stop did not arrive. Use the emergency stop at the robot, or switch off its power, now.";
 const LOST_SIMULATED = "The stop has not arrived yet. It is sent again every second.";
 const UNHEARD = "The stop was sent, but the painter has not confirmed it. If the robot moves, use its emergency stop.";
@@ -50,9 +51,9 @@ function send(signal) {
  * Has the button and the keyboard stop everything.
  * @param {HTMLElement} button
  * @param {(sentence: string) => void} said shows what is of interest and no alarm
- * @param {{ pressed: () => void, arrived?: () => void, dangerous: () => boolean, harmless: () => Promise<boolean> }} safety is
- *   told when Stop is pressed and when all have confirmed it; says whether a machine could hurt somebody, and whether nothing
- *   can move any more: then an alarm ends by itself
+ * @param {{ pressed: () => void, arrived?: () => void, ended?: () => void, stands?: () => Promise<boolean>, dangerous: () => boolean,
+ *   harmless: () => Promise<boolean> }} safety is told when Stop is pressed, when all have confirmed it, and when it is over; says
+ *   whether nothing moves, whether a machine could hurt somebody, and whether nothing can move any more: then an alarm ends by itself
  */
 export function armStop(button, said, safety) {
   const alarm = document.createElement("div");
@@ -62,7 +63,7 @@ export function armStop(button, said, safety) {
   const words = document.createElement("p");
   const close = document.createElement("button");
   close.type = "button";
-  close.addEventListener("click", () => { alarm.hidden = true; });
+  close.addEventListener("click", () => { alarm.hidden = true; safety.ended?.(); });
   alarm.append(words, close);
   document.body.append(alarm);
   let pressing = 0;
@@ -88,15 +89,28 @@ export function armStop(button, said, safety) {
       pressing += 1; // it is not sent any more: it would stop what is begun later
       button.classList.remove("pressed");
       alarm.hidden = true;
+      safety.ended?.();
       said("Everything has stopped.");
     }
     watching = false;
+  }
+
+  /** Waits until nothing moves after the stop was heard. */
+  async function standing(number, pressed) {
+    if (!safety.stands) return;
+    said("The stop was heard. What is being done comes to a stand.");
+    while (number === pressing && performance.now() - pressed < GIVE_UP) {
+      if (await safety.stands()) { said("Everything has stopped."); return; }
+      await new Promise((resolve) => setTimeout(resolve, GLANCE));
+    }
   }
 
   async function press() {
     pressing += 1;
     const number = pressing;
     const pressed = performance.now();
+    let heard = false;
+    said("Stopping everything.");
     safety.pressed();
     const lost = () => { if (number === pressing) warn(safety.dangerous() ? LOST : LOST_SIMULATED); };
     button.classList.add("pressed");
@@ -112,9 +126,12 @@ export function armStop(button, said, safety) {
         alarm.hidden = true;
         const late = (performance.now() - pressed) / 1000;
         if (done.heard < done.stopped) warn(safety.dangerous() ? UNHEARD : UNHEARD_SIMULATED);
-        else if (late > UNTIL_DOUBT / 1000) warn(`The stop arrived after ${late.toFixed(1)} s.${safety.dangerous() ? " Look at the robot." : ""}`);
-        else if (done.stopped === 0) said("Nothing is running.");
-        else safety.arrived?.();
+        else {
+          if (late > UNTIL_DOUBT / 1000) warn(`The stop arrived after ${late.toFixed(1)} s.${safety.dangerous() ? " Look at the robot." : ""}`);
+          heard = done.stopped > 0;
+          if (heard) safety.arrived?.();
+          else said("Nothing is running.");
+        }
         break;
       }
       lost();
@@ -122,6 +139,8 @@ export function armStop(button, said, safety) {
     }
     clearTimeout(doubt);
     if (number === pressing) setTimeout(() => button.classList.remove("pressed"), 1000);
+    if (heard) await standing(number, pressed);
+    if (number === pressing) safety.ended?.();
   }
 
   let escaped = -TWICE;
