@@ -181,22 +181,26 @@ class PaintSet:
 
 @dataclass(frozen=True, eq=False)
 class _Mixtures:
-    """Mixtures: their parts [m, n], colours sRGB [m, 3] and in OKLab [m, 3], and the price of each [m] (`_price`)."""
+    """Mixtures: parts [m, n], colours sRGB [m, 3], OKLab and chroma [m, 4], prices [m], black or not [m]."""
 
     parts: Tensor
     color: Tensor
     oklab: Tensor
     price: Tensor
+    black: Tensor
 
-    def cheapest(self, cost: Tensor, count: int) -> Self:
-        """Returns at most `count` mixtures of the least cost [m], the cheapest first."""
-        order = cost.topk(min(count, len(cost)), largest=False).indices.sort().values
-        order = order[cost[order].argsort(stable=True)]
+    def __getitem__(self, order: Tensor) -> Self:
         return type(self)(*(part[order] for part in vars(self).values()))
 
     def __add__(self, other: Self) -> Self:
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
         return type(self)(*(torch.cat(pair) for pair in pairs))
+
+
+def _cheapest(cost: Tensor, count: int) -> Tensor:
+    """Returns the places of at most `count` least costs [m], the least first."""
+    order = cost.topk(min(count, len(cost)), largest=False).indices.sort().values
+    return order[cost[order].argsort(stable=True)]
 
 
 class _Mixer:
@@ -210,6 +214,7 @@ class _Mixer:
         self._kind = registry.load_part(registry.MIXERS, owned.mixer, MixerKind, "mixer")
         self._absorption = torch.stack([paint.absorption for paint in owned.paints])
         self._scattering = torch.stack([paint.scattering for paint in owned.paints])
+        self._black = torch.zeros(len(owned.paints), dtype=torch.float64)
         alone = to_lab(self._mix(torch.eye(len(owned.paints), dtype=torch.float64)).color)
         self._black = ((alone[:, 0] <= _BLACK_PAINT) & (alone[:, 1:].norm(dim=1) <= _GREY)).double()
         together = min(most, EASY_PAINTS)
@@ -249,13 +254,9 @@ class _Mixer:
 
     def _cheapest(self, mixtures: _Mixtures, aim: Tensor) -> tuple[_Mixtures, bool]:
         """Returns the cheapest mixtures for the Lab colour `aim` [3], near ones first, and whether there are any."""
-        off, black = ciede2000(to_lab(mixtures.color), aim), self._has_black(mixtures.parts, aim)
-        far = (off > NEAR) | black
-        return mixtures.cheapest(off + mixtures.price + _FAR * far, _SEEDS), not bool(far.all())
-
-    def _has_black(self, parts: Tensor, aim: Tensor) -> Tensor:
-        """Returns True for mixtures [m, n] with black, if the Lab colour `aim` [3] is neither dark nor grey."""
-        return (parts @ self._black > 0) & bool(aim[0] > _DARK and aim[1:].norm() > _GREY)
+        off = ciede2000(to_lab(mixtures.color), aim)
+        far = (off > NEAR) | (mixtures.black & _is_lively(aim))
+        return mixtures[_cheapest(off + mixtures.price + _FAR * far, _SEEDS)], not bool(far.all())
 
     def _recipe(self, color: Tensor, aim: Tensor, found: _Mixtures) -> Recipe:
         """Returns the recipe of the first of the mixtures for a colour sRGB [3], and for `aim`, Lab [3]."""
@@ -269,17 +270,21 @@ class _Mixer:
 
         weights: of lightness, chroma and hue in OKLab
         """
-        target = _to_oklab(from_lab(aim))
+        target, lively = _to_oklab(from_lab(aim)), _is_lively(aim)
 
         def cost(mixtures: _Mixtures) -> Tensor:
             apart = _PER_OKLAB * _apart(mixtures.oklab, target, weights)
-            return apart + mixtures.price + _PER_BLACK * self._has_black(mixtures.parts, aim)
+            return apart + mixtures.price + (_PER_BLACK * mixtures.black if lively else 0)
 
         order = cost(self._rough).reshape(len(self._combinations), -1).amin(1).argsort(stable=True)
         best = [self._combinations[number] for number in order[:_CHOSEN].tolist()]
-        near = [(every := self._every(paints)).cheapest(cost(every), _NEAREST) for paints in best]
-        found = functools.reduce(_Mixtures.__add__, near)
-        return found.cheapest(cost(found), _NEAREST), best
+        every = [self._every(paints) for paints in best]
+        chosen = _cheapest(torch.cat([cost(one) for one in every]), _NEAREST)
+        size = len(every[0].price)
+        near = functools.reduce(
+            _Mixtures.__add__, [one[chosen[chosen // size == at] % size] for at, one in enumerate(every)]
+        )
+        return near[_cheapest(cost(near), _NEAREST)], best
 
     def _parts(self, levels: tuple[int, ...], combinations: list[tuple[int, ...]]) -> Tensor:
         """Returns all mixtures [m, n] of combinations of paints at these levels in lowest terms, of easy size."""
@@ -323,7 +328,9 @@ class _Mixer:
                 f"for {len(parts)} mixtures in {self._absorption.shape[1]} bands; mend it."
             )
         color = color_of(reflected)
-        return _Mixtures(parts, color, _to_oklab(color), self._price(parts))
+        oklab = _to_oklab(color)
+        oklab = torch.cat((oklab, oklab[:, 1:].norm(dim=1, keepdim=True)), 1)
+        return _Mixtures(parts, color, oklab, self._price(parts), parts @ self._black > 0)
 
 
 @functools.cache
@@ -343,9 +350,14 @@ def _to_oklab(color: Tensor) -> Tensor:
     return (to_linear(color) @ color.new_tensor(_CONES).T).clamp(min=0) ** (1 / 3) @ color.new_tensor(_OKLAB).T
 
 
+def _is_lively(aim: Tensor) -> bool:
+    """Returns True if a Lab colour [3] is neither dark nor grey; black would dull it."""
+    return bool(aim[0] > _DARK and aim[1:].norm() > _GREY)
+
+
 def _apart(mixed: Tensor, target: Tensor, weights: tuple[float, float, float]) -> Tensor:
-    """Returns distances [m] in OKLab from mixtures [m, 3] to a colour [3], weighted by lightness, chroma and hue."""
-    (light, a, b), (its_light, its_a, its_b) = mixed.unbind(1), target
-    chroma = torch.hypot(a, b) - torch.hypot(its_a, its_b)
-    hue = ((a - its_a) ** 2 + (b - its_b) ** 2 - chroma**2).clamp(min=0)  # squared
-    return ((weights[0] * (light - its_light)) ** 2 + (weights[1] * chroma) ** 2 + weights[2] ** 2 * hue).sqrt()
+    """Returns distances [m] in OKLab from mixtures [m, 4] to a colour [3], weighted by lightness, chroma and hue."""
+    (light, a, b, chroma), (its_light, its_a, its_b) = mixed.unbind(1), target
+    more = chroma - torch.hypot(its_a, its_b)
+    hue = ((a - its_a) ** 2 + (b - its_b) ** 2 - more**2).clamp(min=0)  # squared
+    return ((weights[0] * (light - its_light)) ** 2 + (weights[1] * more) ** 2 + weights[2] ** 2 * hue).sqrt()
