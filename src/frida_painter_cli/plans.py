@@ -135,8 +135,8 @@ def _show(paints: tuple["BrushPaints", ...]) -> None:
 
 
 @dataclass(frozen=True)
-class FormatOptions:
-    """Options of an export as SVG or G-code."""
+class SvgOptions:
+    """Options of an export as SVG; some are for G-code too."""
 
     regroup: Annotated[
         bool,
@@ -159,6 +159,12 @@ class FormatOptions:
     ] = None
     title: Annotated[str, taking("TEXT", "svg, gcode: a title for a pen, in the lower left corner.")] = ""
     signature: Annotated[str, taking("TEXT", "svg, gcode: a signature for a pen, in the lower right corner.")] = ""
+
+
+@dataclass(frozen=True)
+class GcodeOptions:
+    """Options of an export as G-code."""
+
     flavour: Annotated[
         str | None, taking("NAME", "gcode: the dialect, grbl or marlin. [dim]grbl[/]", show_default=False)
     ] = None
@@ -207,7 +213,8 @@ def export(
             help="One file per paint of each layer, numbered in the order of work. Changes which strokes lie on top.",
         ),
     ] = False,
-    more: FormatOptions,
+    svg: SvgOptions,
+    gcode: GcodeOptions,
 ) -> None:
     """Export the strokes of a plan as SVG, G-code or CSV, in millimetres.
 
@@ -224,7 +231,7 @@ def export(
     path = out or Path(f"strokes.{kind.name}")
     if path.suffix.lower() != f".{kind.name}":
         raise ConfigError(f"--out was given {str(path)!r}; with --to {kind.name} the file ends in .{kind.name}.")
-    options = ExportOptions(**vars(more), source=plan)
+    options = ExportOptions(**vars(svg), **vars(gcode), source=plan)
     loaded = Plan.load(plan)
     parts = loaded.by_paint() if per_paint else [loaded]
     for number, part in enumerate(parts, start=1):

@@ -78,8 +78,8 @@ class Tile:
     shown_x: Span
     shown_y: Span
 
-    def shown(self) -> "Tile":
-        """The visible part alone."""
+    def find_shown(self) -> "Tile":
+        """Returns the visible part alone."""
         return replace(self, x=self.shown_x, y=self.shown_y)
 
     def crop(self, whole: Tensor, canvas: CanvasSize) -> Tensor:
@@ -116,7 +116,7 @@ def deal(plan: Plan, tiles: list[Tile], widths: Tensor, *, once: bool) -> tuple[
     """
     points, around = plan.strokes.extremes().double(), widths[:, None] / 2
     least, most = points.amin(1), points.amax(1)
-    whole, shown = [tile.ends() for tile in tiles], [tile.shown().ends() for tile in tiles]
+    whole, shown = [tile.ends() for tile in tiles], [tile.find_shown().ends() for tile in tiles]
     holds = torch.stack([((least >= low - 1e-6) & (most <= high + 1e-6)).all(1) for low, high in whole])
     shows = torch.stack([((least - around < high) & (most + around > low)).all(1) for low, high in shown])
     lost = ~holds.any(0)
@@ -239,6 +239,6 @@ def join_tiles(folder: Path, rows: int) -> tuple[Tensor, list[str]]:
         painted += [tile.name] if done.exists() else []
         place, seen = tile.crop(alone, canvas), images.load(done if done.exists() else folder / tile.name / "plan.png")
         place.copy_(images.fit(seen, *place.shape[1:]))
-        kept = tile if once else tile.shown()  # of one canvas, the last photograph shows all
+        kept = tile if once else tile.find_shown()  # of one canvas, the last photograph shows all
         kept.crop(joined, canvas).copy_(kept.crop(alone, canvas))
     return joined, painted

@@ -14,6 +14,7 @@ import pytest
 from PIL import Image
 
 from cli.test_stopping import Painter, paint
+from frida_painter.errors import Interrupted
 from frida_painter.runs.painting_folder import history_of
 from frida_painter.runs.spec import RunSpec
 from frida_painter.session.events import Paused, WentOn

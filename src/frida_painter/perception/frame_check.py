@@ -7,7 +7,7 @@ strokes nothing may have changed. At a place with new strokes it may look as bef
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import cv2
 import numpy as np
@@ -56,6 +56,19 @@ _LIKE_BEFORE, _LIKE_PLANNED = 8.0, 30.0  # CIELAB; larger differences are unexpl
 _MAX_UNEXPLAINED = 0.0009  # m2 in one piece: a square of 3 cm
 
 
+class Motions(NamedTuple):
+    """Motions of the canvas from the first photograph to the last one.
+
+    drift: as registered
+    slid: by what no stroke can have changed, with printed markers
+    told: what was last told to people
+    """
+
+    drift: CanvasShift = CanvasShift()
+    slid: CanvasShift = CanvasShift()
+    told: CanvasShift = CanvasShift()
+
+
 @dataclass(frozen=True)
 class Expected:
     """Expected pictures of the canvas, [3, H, W] each.
@@ -100,9 +113,7 @@ class FrameCheck:
     clipped: share of the canvas that is overexposed
     view: plane of the canvas as the camera sees it
     last: last good photograph in that view, from CanvasView.light
-    drift: motion of the canvas from the first photograph to the last one
-    slid: the same by what no stroke can have changed, with printed markers
-    told: motion that was last told to people
+    motions: of the canvas since the first photograph
     """
 
     calibration: Calibration
@@ -112,9 +123,7 @@ class FrameCheck:
     clipped: float
     view: CanvasView = field(repr=False)
     last: Pixels = field(repr=False)
-    drift: CanvasShift = field(default_factory=CanvasShift)
-    slid: CanvasShift = field(default_factory=CanvasShift)
-    told: CanvasShift = field(default_factory=CanvasShift)
+    motions: Motions = field(default_factory=Motions)
 
     @classmethod
     def learn(
@@ -163,7 +172,7 @@ class FrameCheck:
                 f"Something reaches over the edge of the canvas, {covered * 100:.0f} cm wide, or the canvas was moved "
                 "far. Take arms, hands and things out of the camera's sight, and put the canvas back."
             )
-        whole = self.drift.followed_by(found.motion)
+        whole = self.motions.drift.followed_by(found.motion)
         away = f"{whole.corner_shift(self.size) * 1000:.1f}"
         if found.verdict is Verdict.MOVED:
             raise FrameRejected(
@@ -183,13 +192,13 @@ class FrameCheck:
         large = self.view.pitch if self.view.pitch > COARSEST else 0.0
         tells = found.motion.corner_shift(self.size) > _TELLABLE * large
         is_drift = tells and found.verdict is not Verdict.UNSURE
-        drift = self.drift.followed_by(found.motion) if is_drift else self.drift
-        slid, told = self.slid, self.told
+        drift = self.motions.drift.followed_by(found.motion) if is_drift else self.motions.drift
+        _, slid, told = self.motions
         if self.calibration.markers:  # strokes beside their places look like motions of up to 0.3 mm
             slid = slid.followed_by((found if expected is None else self.register(photograph, None)).motion)
             since = CanvasShift.of(slid.values - told.values).corner_shift(self.size)
             told = slid if since > TELLS else told
-        return replace(self, last=self.view.light(photograph), drift=drift, slid=slid, told=told)
+        return replace(self, last=self.view.light(photograph), motions=Motions(drift, slid, told))
 
     @property
     def moved(self) -> str:
@@ -197,11 +206,12 @@ class FrameCheck:
 
         Only those tell it from a motion of the camera.
         """
-        far = self.told.corner_shift(self.size)
+        told = self.motions.told
+        far = told.corner_shift(self.size)
         if not self.calibration.markers or not far > TELLS:
             return ""
         return (
-            f"The canvas was moved under the camera by {1000 * far:.1f} mm ({self.told.describe()}): strokes land as "
+            f"The canvas was moved under the camera by {1000 * far:.1f} mm ({told.describe()}): strokes land as "
             "far beside. Push it back, or leave it."
         )
 
@@ -213,7 +223,7 @@ class FrameCheck:
             light = (to_linear(picture).permute(1, 2, 0).numpy() for picture in fitted)
             before, after = (np.ascontiguousarray(each, np.float32) for each in light)
             strokes = before, after
-        return register(self.view, self.view.light(photograph), self.last, strokes, self.drift)
+        return register(self.view, self.view.light(photograph), self.last, strokes, self.motions.drift)
 
     def _measure_covered(self, margin: NDArray[np.float64]) -> float:
         """Returns the greatest length in metres along the edge over which something new reaches; lamps do not count."""
