@@ -163,7 +163,7 @@ class TakeTurns(_Command):
     count: _Strokes
     minutes: Annotated[float, Field(ge=0, le=24 * 60, allow_inf_nan=False)] = 0.0
     policy: Annotated[str, Field(strict=True, min_length=1, max_length=40)] = "alternate"
-    keep: Literal["welcome", "protect"] = "welcome"
+    keep: Literal["welcome", "protect"] = "protect"
     kind: Literal["turns"] = "turns"
 
 

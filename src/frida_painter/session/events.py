@@ -438,7 +438,7 @@ class Turns:
     strokes: int
     minutes: float = 0.0
     policy: str = "alternate"
-    keep: Literal["welcome", "protect"] = "welcome"
+    keep: Literal["welcome", "protect"] = "protect"
     kind: Literal["turns"] = "turns"
 
 

@@ -26,7 +26,7 @@ export function turnForm(house, turns, say, together = false) {
   const way = h("select", { onchange: () => { wanted.policy = way.value; keep.hidden = OWN_KEEP.includes(way.value); } },
     house.turns.filter((name) => !together || name !== "alternate").map((name) => h("option", { value: name, selected: name === wanted.policy }, WAYS[name] ?? name)));
   const keep = choices({ legend: "What you paint", name: "keep", value: wanted.keep, onchange: (value) => { wanted.keep = value; },
-    options: [{ value: "welcome", label: "is a beginning" }, { value: "protect", label: "stays as it is" }] });
+    options: [{ value: "protect", label: "stays as it is" }, { value: "welcome", label: "may be painted over" }] });
   keep.hidden = OWN_KEEP.includes(wanted.policy);
   const by = choices({ legend: "Change turns after", name: "turns-by", value: wanted.by, onchange: (value) => { wanted.by = value; length(); },
     options: [{ value: "strokes", label: "strokes" }, { value: "minutes", label: "minutes" }] });
