@@ -84,8 +84,8 @@ def test_without_the_moments_it_is_a_lower_bound_of_the_exact_distance(
     a, b = clouds(seed, count, others, channels)
     cost = costs(a, b, cosine=cosine)
     relaxed, exact = float(Cloud(b, cosine=cosine).distance(a) - moment_distance(a, b)), exact_transport(cost.numpy())
-    assert relaxed <= exact + 1e-6
-    assert 1 not in (count, others) or relaxed == pytest.approx(exact, abs=1e-6), "exact for a single point"
+    assert relaxed <= exact + 1e-5  # a direction of almost no length is not exact
+    assert 1 not in (count, others) or relaxed == pytest.approx(exact, abs=1e-5), "exact for a single point"
 
 
 @pytest.mark.parametrize("cosine", [True, False])

@@ -132,9 +132,9 @@ def test_where_a_stop_cannot_arrive_the_page_says_so_within_two_seconds_and_stop
 def test_a_stop_is_acknowledged_at_once_and_all_other_buttons_rest_until_everything_stands(
     context: BrowserContext, studio: Served
 ) -> None:
-    working = Work(PaintingStore(studio.folder))
-    page = enter(context, studio)
+    page, moves = enter(context, studio), [True]
     page.route("**/stop", lambda route: route.fulfill(json={"stopped": 1, "heard": 1}))
+    page.route("**/api/work", lambda route: route.fulfill(json={**route.fetch().json(), "moves": moves[0]}))
     seen = page.evaluate("""() => {
       document.getElementById("stop").click();
       return [document.getElementById("notice").textContent, document.getElementById("view").inert];
@@ -143,9 +143,9 @@ def test_a_stop_is_acknowledged_at_once_and_all_other_buttons_rest_until_everyth
     expect(page.get_by_text("The stop was heard.")).to_be_visible(timeout=WAIT)
     page.screenshot(path=SCREENSHOTS / "stop-heard.png")
     assert page.evaluate("document.getElementById('view').inert")
-    working.lock.release()
+    moves[0] = False
     expect(page.get_by_text("Everything has stopped.")).to_be_visible(timeout=WAIT)
-    page.wait_for_function("!document.getElementById('view').inert", timeout=WAIT)
+    expect(page.locator("#view[inert]")).to_have_count(0, timeout=WAIT)
 
 
 @pytest.mark.parametrize("dangerous", [False, True])

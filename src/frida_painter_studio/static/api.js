@@ -42,7 +42,7 @@ export function leave() {
 }
 
 const SHARP = 2048; // pixels of the longer side that the studio keeps
-const MANY = 12e6; // pixels, and bytes: a larger picture is made smaller here, however large it is
+const MANY = 12e6; // pixels or bytes of a picture that is made smaller first
 
 /** Gives a picture (File or Blob) to the studio; returns its id. */
 export async function upload(blob) {
@@ -50,23 +50,15 @@ export async function upload(blob) {
   return (await answer(fetch("/api/pictures", { method: "POST", headers, body: await smaller(blob) }))).id;
 }
 
-/** The picture, made smaller if it is large and this browser can read it. @param {Blob} blob */
 async function smaller(blob) {
-  const image = new Image();
-  image.src = URL.createObjectURL(blob);
-  await new Promise((resolve) => { image.onload = image.onerror = resolve; });
-  const [width, height] = [image.naturalWidth, image.naturalHeight];
-  const less = SHARP / Math.max(width, height);
-  let sent = blob;
-  if (less < 1 && (width * height > MANY || blob.size > MANY)) {
-    const canvas = Object.assign(document.createElement("canvas"), { width: Math.max(1, Math.round(less * width)), height: Math.max(1, Math.round(less * height)) });
-    const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-    pen.imageSmoothingQuality = "high";
-    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
-    sent = await new Promise((resolve) => { canvas.toBlob((made) => resolve(made ?? blob), "image/png"); });
-  }
-  URL.revokeObjectURL(image.src);
-  return sent;
+  const image = await createImageBitmap(blob).catch(() => null);
+  if (!image || (image.width * image.height < MANY && blob.size < MANY)) return blob;
+  const less = Math.min(1, SHARP / Math.max(image.width, image.height));
+  const canvas = new OffscreenCanvas(Math.ceil(less * image.width), Math.ceil(less * image.height));
+  const pen = /** @type {OffscreenCanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  pen.imageSmoothingQuality = "high";
+  pen.drawImage(image, 0, 0, canvas.width, canvas.height);
+  return canvas.convertToBlob();
 }
 
 export const picture = (id) => `/api/pictures/${id}`;

@@ -7,7 +7,6 @@ const WAY = "studio-stop"; // where it is put down: it outlives the studio's ses
 const UNTIL_DOUBT = 1500; // ms
 const GIVE_UP = 30000;
 const AGAIN = 1000;
-const GLANCE = 300; // ms between two questions whether all stand still
 const LOST = "The stop did not arrive. Use the emergency stop at the robot, or switch off its power, now.";
 const LOST_SIMULATED = "The stop has not arrived yet. It is sent again every second.";
 const UNHEARD = "The stop was sent, but the painter has not confirmed it. If the robot moves, use its emergency stop.";
@@ -52,8 +51,8 @@ function send(signal) {
  * @param {HTMLElement} button
  * @param {(sentence: string) => void} said shows what is of interest and no alarm
  * @param {{ pressed: () => void, arrived?: () => void, ended?: () => void, stands?: () => Promise<boolean>, dangerous: () => boolean,
- *   harmless: () => Promise<boolean> }} safety is told when Stop is pressed, when all have confirmed it, and when it is over; says
- *   whether nothing moves, whether a machine could hurt somebody, and whether nothing can move any more: then an alarm ends by itself
+ *   harmless: () => Promise<boolean> }} safety is told of a stop, its arrival and end; says whether nothing moves, whether a machine
+ *   could hurt somebody, and whether nothing can move any more: then an alarm ends by itself
  */
 export function armStop(button, said, safety) {
   const alarm = document.createElement("div");
@@ -95,16 +94,6 @@ export function armStop(button, said, safety) {
     watching = false;
   }
 
-  /** Waits until nothing moves after the stop was heard. */
-  async function standing(number, pressed) {
-    if (!safety.stands) return;
-    said("The stop was heard. What is being done comes to a stand.");
-    while (number === pressing && performance.now() - pressed < GIVE_UP) {
-      if (await safety.stands()) { said("Everything has stopped."); return; }
-      await new Promise((resolve) => setTimeout(resolve, GLANCE));
-    }
-  }
-
   async function press() {
     pressing += 1;
     const number = pressing;
@@ -139,7 +128,12 @@ export function armStop(button, said, safety) {
     }
     clearTimeout(doubt);
     if (number === pressing) setTimeout(() => button.classList.remove("pressed"), 1000);
-    if (heard) await standing(number, pressed);
+    if (heard && safety.stands) said("The stop was heard. What is being done comes to a stand.");
+    while (heard && safety.stands && number === pressing && performance.now() - pressed < GIVE_UP) {
+      heard = !(await safety.stands());
+      if (!heard) said("Everything has stopped.");
+      await new Promise((resolve) => setTimeout(resolve, 300));
+    }
     if (number === pressing) safety.ended?.();
   }
 
