@@ -123,8 +123,12 @@ def calibrate_one(
 def _begin(name: str, setup: CalibrationSetup, easel: Easel) -> Procedure[Finding]:
     of = setup.surface
     match name:
-        case "canvas" | "robot" | "color":
-            return (yield from {"canvas": canvas, "robot": robot, "color": color}[name](easel))
+        case "canvas":
+            return (yield from canvas(easel))
+        case "robot":
+            return (yield from robot(easel))
+        case "color":
+            return (yield from color(easel))
         case "brush":
             return (yield from brush(easel, name=setup.brush.name))
         case "surface" if of.heights is not None:

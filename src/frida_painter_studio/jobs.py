@@ -8,10 +8,11 @@ from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from frida_painter.session import events
 from frida_painter.session.events import Event
+from frida_painter.system.storage import file_name
 from frida_painter_studio.painting_state import Truth
 from frida_painter_studio.picture_choosing import MAX_MAKINGS
 from frida_painter_studio.studio_folder import Brush, CanvasSides
@@ -79,6 +80,12 @@ class SetupRequest(KeptRequest):
         return self
 
 
+def _require_file_name(name: str) -> str:
+    if name != file_name(name):
+        raise ValueError(f"No file can be named {name!r} on Windows; give the family another name.")
+    return name
+
+
 class TeachingRequest(KeptRequest):
     """Request to learn a stroke family from marks.
 
@@ -90,7 +97,7 @@ class TeachingRequest(KeptRequest):
 
     _name = "the stroke to teach"
 
-    name: str = Field(pattern=r"^[a-z][a-z0-9-]{0,29}$")
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9-]{0,29}$"), AfterValidator(_require_file_name)]
     brush: Brush = "fine"
     marks: list[_Mark] = Field(min_length=_MIN_MARKS, max_length=_MAX_MARKS)
     count: int = Field(40, ge=0, le=200)

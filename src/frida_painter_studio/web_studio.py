@@ -16,7 +16,6 @@ from frida_painter.registry import are_here
 from frida_painter.runs.variant_settings import VARIANTS
 from frida_painter.session.events import Began
 from frida_painter.session.fold import PaintingState
-from frida_painter.system import storage
 from frida_painter_studio import picture_choosing, studio_folder
 from frida_painter_studio.form import describe_form, name_settings
 from frida_painter_studio.jobs import JOBS, Imagining, JobState, Setup, TeachingRequest
@@ -383,9 +382,8 @@ class Studio:
         if isinstance(request, MakingRequest):
             more = request.model_dump(exclude={"words", "maker"})
             return self.makers.order(request.words, request.maker, **more)
-        name = request.name if isinstance(request, TeachingRequest) else "new"
-        if name in self._families or name != storage.file_name(name):  # paintings with it may go on
-            raise ConfigError(f"A stroke family {name!r} is there already or can be no file; give another name.")
+        if isinstance(request, TeachingRequest) and request.name in self._families:  # paintings with it may go on
+            raise ConfigError(f"There is a stroke family {request.name!r} already; give yours another name.")
         return request
 
     def stop_imagining(self, by: Session) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+from pydantic import ValidationError
 
 from frida_painter import calibration
 from frida_painter.session import events
@@ -23,6 +24,7 @@ from frida_painter_studio.jobs import (
     Setup,
     SetupRequest,
     StepName,
+    TeachingRequest,
     Teaching,
 )
 from frida_painter_studio.painting_state import Truth
@@ -294,3 +296,10 @@ def test_stop_ends_a_motion_of_the_setup_and_a_person_must_arm_the_machine(
         assert visitor.post("/api/setup/start", json={"easel": "grbl-router"}).status_code == 200
         refused = wait_for(lambda state: not state["working"] and state["trouble"])
         assert "frida-painter arm" in refused["trouble"]
+
+
+@pytest.mark.parametrize(("name", "refused"), [("con", True), ("com1", True), ("grass", False)])
+def test_a_family_has_a_name_that_a_file_may_have_on_every_system(name: str, refused: bool) -> None:
+    with pytest.raises(ValidationError) as found:
+        TeachingRequest.model_validate({"name": name, "marks": []})
+    assert (("name",) in [each["loc"] for each in found.value.errors()]) is refused

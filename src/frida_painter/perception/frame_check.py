@@ -29,6 +29,7 @@ from frida_painter.perception.registration import (
     Pixels,
     Registration,
     Verdict,
+    find_widening,
     register,
     trace_sides,
 )
@@ -108,7 +109,7 @@ class Expected:
 class FrameCheck:
     """Reference for the photographs of one camera and one canvas.
 
-    softness: of the canvas's edges in pixels; NaN if they are not visible
+    widths [4, places]: pixels of the step at the canvas's edges; NaN if it is not visible
     margin [places, 3]: linear light around the canvas
     clipped: share of the canvas that is overexposed
     view: plane of the canvas as the camera sees it
@@ -118,7 +119,7 @@ class FrameCheck:
 
     calibration: Calibration
     size: CanvasSize
-    softness: float
+    widths: NDArray[np.float64] = field(repr=False)
     margin: NDArray[np.float64] = field(repr=False)
     clipped: float
     view: CanvasView = field(repr=False)
@@ -138,9 +139,9 @@ class FrameCheck:
         last: a later photograph of the same canvas; None if there is none
         """
         view, clipped = CanvasView.of(calibration, size), _clipped_share(photograph, calibration)
-        soft, margin = _softness(photograph, calibration, size), _margin(photograph, calibration, size)
+        widths, margin = _widths(photograph, calibration, size), _margin(photograph, calibration, size)
         last_light = view.light(photograph if last is None else last)
-        return cls(calibration, size, soft, margin, clipped, view, last_light)
+        return cls(calibration, size, widths, margin, clipped, view, last_light)
 
     def require(
         self, photograph: NDArray[np.uint8], seen: Tensor, expected: Expected | None, *, doubtful: bool = False
@@ -159,7 +160,7 @@ class FrameCheck:
                 "the canvas, bring less light, or expose shorter."
             )
         pixels = pixels_per_metre(self.calibration, self.size)
-        blur = _softness(photograph, self.calibration, self.size) - self.softness
+        blur = find_widening(_widths(photograph, self.calibration, self.size), self.widths)
         if blur > max(_MAX_BLUR, _BLURRED * pixels):
             raise FrameRejected(
                 f"The photograph is blurred: the edge of the canvas is {blur:.1f} pixels wider than it was. Focus the "
@@ -269,9 +270,9 @@ def _cells(picture: Tensor, size: CanvasSize) -> Tensor:
     return to_lab(coarse.permute(1, 2, 0)).permute(2, 0, 1)
 
 
-def _softness(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> float:
+def _widths(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> NDArray[np.float64]:
     sides = trace_sides(photograph, calibration.corners, _REACH * pixels_per_metre(calibration, size))
-    return math.nan if sides is None else sides.softness
+    return np.full((4, 1), math.nan) if sides is None else sides.widths
 
 
 def _margin(photograph: NDArray[np.uint8], calibration: Calibration, size: CanvasSize) -> NDArray[np.float64]:

@@ -39,6 +39,7 @@ _CLOSE = 2.5  # distance in pixels from the line within which a step votes for i
 _VOTING = 3  # each third place votes
 _ROUNDS = 6
 _FEWEST = 0.1  # share of the places of a side
+_MIN_RISE, _MIN_KNOWN = 0.06, 0.2  # linear light of a step whose width is known; share of such places on a side
 
 
 @dataclass(frozen=True)
@@ -46,11 +47,16 @@ class Sides:
     """Four sides in a photograph.
 
     points: places [k, 2] at which the edge of each side shows, (column, row)
-    softness: pixels between a fifth and four fifths of the step
+    widths [4, places]: pixels between a fifth and four fifths of the step at each place; NaN if none shows
     """
 
     points: tuple[NDArray[np.float64], ...]
-    softness: float
+    widths: NDArray[np.float64]
+
+    @property
+    def softness(self) -> float:
+        """Median of `widths`; NaN if too few are known."""
+        return find_widening(self.widths, np.zeros_like(self.widths))
 
     @property
     def support(self) -> float:
@@ -72,13 +78,23 @@ def trace_sides(photograph: NDArray[np.uint8], corners: Corners, reach: float) -
         if side is None:
             return None
         sides.append(side)
-    return Sides(tuple(points for points, _ in sides), float(np.median([width for _, width in sides])))
+    return Sides(tuple(points for points, _ in sides), np.array([widths for _, widths in sides]))
+
+
+def find_widening(widths: NDArray[np.float64], before: NDArray[np.float64]) -> float:
+    """Returns the median change of the widths [4, places] of places; NaN unless a fifth of three sides is known.
+
+    Places are compared one by one, because paint beside the edge changes the step there.
+    """
+    wider = widths - before
+    known = np.isfinite(wider).mean(1)
+    return float(np.nanmedian(wider)) if (known >= _MIN_KNOWN).sum() >= 3 else math.nan
 
 
 def _trace(
     photograph: NDArray[np.uint8], start: NDArray[np.float64], end: NDArray[np.float64], reach: float, bright: float
-) -> tuple[NDArray[np.float64], float] | None:
-    """Returns points [k, 2] on the edge that runs approximately from `start` to `end`, and its softness.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Returns points [k, 2] on the edge that runs approximately from `start` to `end`, and its width at each place.
 
     bright: light of the brightest part of the photograph
     """
@@ -110,13 +126,29 @@ def _trace(
         exact = offset[top] + (before - after) / (2 * np.minimum(before - 2 * at + after, -1e-9)) / _FINE
         # A parabola follows the curvature by the lens, so the ends of the side stay included.
         line = np.asarray(np.polynomial.polynomial.polyfit(along[place], exact, 2), np.float64)
-    step, grey = np.arange(-reach, reach, 0.1), seen.mean(-1)
-    # Of the whole side, without the noise of a place.
-    profile = np.median([np.interp(step + expected[each], offset, grey[each]) for each in place[::2]], 0)
-    outside, inside = np.median(profile[-len(step) // 5 :]), np.median(profile[: len(step) // 3])
-    height = (profile - outside) / (inside - outside)  # 0 for the table, 1 for the canvas
-    far, near = (np.flatnonzero(height >= level)[-1] for level in (0.2, 0.8))
-    return start + along[place, None] * way + exact[:, None] * outward, float(step[far] - step[near])
+    within = np.abs(offset) <= reach
+    widths = _measure_widths(seen[:, within].mean(-1) * bright, offset[within])
+    return start + along[place, None] * way + exact[:, None] * outward, widths
+
+
+def _measure_widths(grey: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the pixels [places] between a fifth and four fifths of the step in linear light [places, offsets]."""
+    light = cv2.blur(grey, (_FINE + 1, 1))
+    outside, inside = np.median(light[:, -len(offset) // 5 :], 1), np.median(light[:, : len(offset) // 3], 1)
+    rise = np.where(np.abs(inside - outside) >= _MIN_RISE, inside - outside, np.nan)
+    height = (light - outside[:, None]) / rise[:, None]  # 0 for the table, 1 for the canvas
+    far, near = (_find_first_above(height[:, ::-1], level, offset[::-1]) for level in (0.2, 0.8))
+    return far - near
+
+
+def _find_first_above(height: NDArray[np.float64], level: float, offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Returns the interpolated offset of each row's first crossing of a level; NaN if there is none."""
+    above, row = height >= level, np.arange(len(height))
+    index = above.argmax(1)
+    before = np.maximum(index - 1, 0)
+    low, high = height[row, before], height[row, index]
+    share = (level - low) / np.where(high > low, high - low, 1)
+    return np.where(above[row, index] & (index > 0), offset[before] + share * (offset[index] - offset[before]), np.nan)
 
 
 def _slope(seen: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -182,8 +182,6 @@ def arm(
     A stop lasts until you arm the robot, even after a restart. Reasons for a stop are a second Ctrl-C,
     the stop file, a painter process that does not respond, and a fault of the robot.
     """
-    from frida_painter_cli.leading import confirm
-
     held = latches(state_folder())
     refused: StorageError | None = None
     if not held:
@@ -193,12 +191,7 @@ def arm(
         if stopped is None:
             continue  # another process has released it
         print(f"{stopped}.")
-        if not (yes or sys.stdin.isatty()):
-            raise RobotStopped(
-                "A robot is armed by somebody who looks at it: run `frida-painter arm` in a terminal beside it, or, "
-                "from a script of your own, with --yes."
-            )
-        if yes or confirm("Is nobody in its way, and is the brush free? Arm it?", default=False):
+        if yes or _confirm():
             try:
                 latch.release()
             except StorageError as failure:
