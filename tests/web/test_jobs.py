@@ -24,8 +24,8 @@ from frida_painter_studio.jobs import (
     Setup,
     SetupRequest,
     StepName,
-    TeachingRequest,
     Teaching,
+    TeachingRequest,
 )
 from frida_painter_studio.painting_state import Truth
 from frida_painter_studio.web_app_easel import WebAppEasel
