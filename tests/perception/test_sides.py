@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from frida_painter.perception.landmarks import trace_outline
+from frida_painter.perception.registration import find_widening, trace_sides
 
 CORNERS = ((60.0, 50.0), (338.0, 56.0), (330.0, 246.0), (66.0, 240.0))
 REACH = 18.0
@@ -55,6 +56,18 @@ def test_a_turn_is_measured_at_the_corners():
 def test_blur_shows_in_the_softness_alone():
     first, blurred = read(), read(blur=4.0)
     assert blurred.softness == pytest.approx(1.68 * 4.0, rel=0.2) and first.softness < 0.45 * blurred.softness
+
+
+def test_paint_beside_most_of_the_edge_is_no_blur():
+    first, painted = photograph(), photograph(seed=1)
+    inner = [np.array(CORNERS).mean(0) * (1 - at) + np.array(CORNERS) * at for at in (0.97, 0.86)]
+    band = np.zeros(painted.shape[:2], np.uint8)
+    cv2.fillConvexPoly(band, np.rint(inner[0]).astype(np.int32), 1)
+    cv2.fillConvexPoly(band, np.rint(inner[1]).astype(np.int32), 0)
+    band[:, 230:] = 0  # of three sides, a part stays bare
+    painted[band > 0] = (150, 60, 40)
+    widths = [trace_sides(each, CORNERS, REACH).widths for each in (first, painted, photograph(blur=4.0))]
+    assert abs(find_widening(widths[1], widths[0])) < 0.5 and find_widening(widths[2], widths[0]) > 3
 
 
 def test_a_paper_that_is_gone_and_one_of_the_tables_colour_are_not_seen():
